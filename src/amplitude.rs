@@ -1,0 +1,58 @@
+//! Amplitudes: how loads and prescribed motions grow in time.
+
+/// A function of time by which a load or a prescribed motion is multiplied.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Amplitude {
+    /// Always 1.
+    Constant,
+    /// 0 before, 1 after `rise`; in between the quintic s^3 (10 - 15 s + 6 s^2) with zero first
+    /// and second derivatives at both ends.
+    SmoothStep {
+        /// Duration of the rise (time).
+        rise: f64,
+    },
+    /// Linear from 0 to 1 over `rise`, then constant.
+    Ramp {
+        /// Duration of the rise (time).
+        rise: f64,
+    },
+    /// Piecewise linear through (time, value), constant outside.
+    Table(Vec<(f64, f64)>),
+    /// sin(2 pi f t + phase).
+    Sine {
+        /// Frequency (1 / time).
+        frequency: f64,
+        /// Phase (radian).
+        phase: f64,
+    },
+}
+
+impl Amplitude {
+    /// Value at time `t`.
+    pub fn at(&self, t: f64) -> f64 {
+        match self {
+            Amplitude::Constant => 1.0,
+            Amplitude::SmoothStep { rise } => {
+                let s = if *rise > 0.0 { (t / rise).clamp(0.0, 1.0) } else { 1.0 };
+                s * s * s * (10.0 + s * (6.0 * s - 15.0))
+            }
+            Amplitude::Ramp { rise } => {
+                if *rise > 0.0 {
+                    (t / rise).clamp(0.0, 1.0)
+                } else {
+                    1.0
+                }
+            }
+            Amplitude::Table(points) => {
+                let i = points.partition_point(|p| p.0 <= t);
+                match (i.checked_sub(1).map(|j| points[j]), points.get(i)) {
+                    (None, None) => 0.0,
+                    (None, Some(b)) => b.1,
+                    (Some(a), None) => a.1,
+                    (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0),
+                }
+            }
+            Amplitude::Sine { frequency, phase } => (std::f64::consts::TAU * frequency * t + phase).sin(),
+        }
+    }
+}

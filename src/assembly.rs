@@ -1,0 +1,208 @@
+//! The generic element loops: forces of all elements of a kind, their sum at the nodes, their
+//! energy and stiffness bounds.
+//!
+//! Two passes without atomics: the element pass writes each element's end forces into its own
+//! component; the node pass sums, for every node, the ends that meet there, in a fixed order. The
+//! result has the same bits for any number of threads.
+use crate::columns::columns;
+use crate::components::*;
+use crate::element::*;
+use crate::model::Model;
+use crate::parallel;
+use crate::simulation::{Install, NodeRows};
+use crate::step::StepSet;
+use bevy_ecs::prelude::*;
+use glam::{DQuat, DVec3};
+use std::marker::PhantomData;
+
+/// For every node with elements of kind `E`: which ends meet there (element x N + side).
+#[derive(Resource)]
+pub struct EndMap<E: Element<N>, const N: usize> {
+    nodes: Vec<u32>,
+    start: Vec<u32>,
+    ends: Vec<u32>,
+    kind: PhantomData<fn() -> E>,
+}
+
+impl<E: Element<N>, const N: usize> EndMap<E, N> {
+    fn new(rows: impl Iterator<Item = [u32; N]>) -> Self {
+        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        for (e, r) in rows.enumerate() {
+            for (side, row) in r.into_iter().enumerate() {
+                pairs.push((row, (e * N + side) as u32));
+            }
+        }
+        pairs.sort_unstable();
+        let mut map = EndMap { nodes: Vec::new(), start: vec![], ends: pairs.iter().map(|p| p.1).collect(), kind: PhantomData };
+        for (i, p) in pairs.iter().enumerate() {
+            if map.nodes.last() != Some(&p.0) {
+                map.nodes.push(p.0);
+                map.start.push(i as u32);
+            }
+        }
+        map.start.push(pairs.len() as u32);
+        map
+    }
+}
+
+/// What one kind of element contributes at the last look: filled by `measure`, read by monitors.
+pub struct KindReport {
+    /// Scene key of the kind.
+    pub name: &'static str,
+    /// Number of elements.
+    pub count: usize,
+    /// Strain energy now.
+    pub strain_energy: fn(&mut World) -> f64,
+    /// Adds the stiffness bounds to the rows, and notes the largest contributor of each row.
+    pub stiffness: fn(&mut World, &mut [StiffnessBound]),
+    /// Section force of element `i`.
+    pub section_force: fn(&mut World, usize) -> Option<SectionForce>,
+    /// Rows of element `i`.
+    pub rows: fn(&mut World, usize) -> Vec<u32>,
+}
+
+/// Reports of all kinds present in the model, in registration order.
+#[derive(Resource, Default)]
+pub struct KindReports(pub Vec<KindReport>);
+
+pub(crate) fn add_mass<E: Element<N>, const N: usize>(model: &Model, scaled: Option<f64>, out: &mut [NodeMass]) {
+    for (e, nodes) in model.elements::<E, N>() {
+        for (m, n) in e.mass(scaled).iter().zip(nodes) {
+            out[n.row()].mass += m.mass;
+            out[n.row()].inertia += m.inertia;
+        }
+    }
+}
+
+pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
+    let list = cx.model.elements::<E, N>();
+    if list.is_empty() {
+        return;
+    }
+    let rows = cx.world.resource::<NodeRows>();
+    let bundles: Vec<_> =
+        list.iter().map(|(e, nodes)| (e.clone(), Connectivity(nodes.map(|n| rows.of(n) as u32)), EndForces::<E, N>::default())).collect();
+    cx.world.insert_resource(EndMap::<E, N>::new(bundles.iter().map(|b| b.1.0)));
+    cx.world.spawn_batch(bundles);
+    cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
+        name: E::NAME,
+        count: list.len(),
+        strain_energy: strain_energy::<E, N>,
+        stiffness: stiffness::<E, N>,
+        section_force: section_force::<E, N>,
+        rows: element_rows::<E, N>,
+    });
+    if <E::Force as NodeForce>::ROTATIONS {
+        cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
+        cx.add_system(StepSet::Assembly, (gather_forces::<E, N>, gather_moments::<E, N>).chain());
+    } else {
+        cx.add_system(StepSet::ElementForces, translational_forces::<E, N>);
+        cx.add_system(StepSet::Assembly, gather_forces::<E, N>);
+    }
+}
+
+/// Elements per parallel chunk: at 20 to 100 ns an element a chunk is worth a hand-over.
+const CHUNK: usize = 512;
+
+fn translational_forces<E: Element<N>, const N: usize>(
+    mut nodes: Query<(&Position, &Velocity)>,
+    mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
+) {
+    let (x, v) = columns(&mut nodes);
+    let (mut e, c, mut out) = columns(&mut elements);
+    parallel::zip3(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+        let state = c.0.map(|r| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO });
+        out.0 = e.internal_force(state);
+    });
+}
+
+fn rotational_forces<E: Element<N>, const N: usize>(
+    mut nodes: Query<(&Position, &Velocity, &Orientation, &AngularVelocity)>,
+    mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
+) {
+    let (x, v, q, w) = columns(&mut nodes);
+    let (mut e, c, mut out) = columns(&mut elements);
+    parallel::zip3(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+        let state = c.0.map(|r| {
+            let r = r as usize;
+            NodeState { x: x[r].0, v: v[r].0, q: q[r].0, w: w[r].0 }
+        });
+        out.0 = e.internal_force(state);
+    });
+}
+
+fn gather_forces<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends: Query<&EndForces<E, N>>, mut nodes: Query<&mut Force>) {
+    let ends = columns(&mut ends);
+    let mut force = columns(&mut nodes);
+    let force = force.bypass_change_detection();
+    for (k, &row) in map.nodes.iter().enumerate() {
+        let mut sum = DVec3::ZERO;
+        for &end in &map.ends[map.start[k] as usize..map.start[k + 1] as usize] {
+            sum += ends[end as usize / N].0[end as usize % N].force();
+        }
+        force[row as usize].0 -= sum;
+    }
+}
+
+fn gather_moments<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends: Query<&EndForces<E, N>>, mut nodes: Query<&mut Moment>) {
+    let ends = columns(&mut ends);
+    let mut moment = columns(&mut nodes);
+    let moment = moment.bypass_change_detection();
+    for (k, &row) in map.nodes.iter().enumerate() {
+        let mut sum = DVec3::ZERO;
+        for &end in &map.ends[map.start[k] as usize..map.start[k + 1] as usize] {
+            sum += ends[end as usize / N].0[end as usize % N].moment();
+        }
+        moment[row as usize].0 -= sum;
+    }
+}
+
+/// Calls `f` with every element of a kind, its rows and the states of its nodes.
+fn visit<E: Element<N>, const N: usize>(world: &mut World, mut f: impl FnMut(usize, &E, [u32; N], [NodeState; N])) {
+    let states = node_states(world);
+    let mut query = world.query::<(&E, &Connectivity<N>)>();
+    for (i, (e, c)) in query.iter(world).enumerate() {
+        f(i, e, c.0, c.0.map(|r| states[r as usize]));
+    }
+}
+
+/// States of all nodes by row; for monitors and outputs, not for the step.
+pub fn node_states(world: &mut World) -> Vec<NodeState> {
+    let mut query = world.query::<(&Position, &Velocity, Option<&Orientation>, Option<&AngularVelocity>)>();
+    query
+        .iter(world)
+        .map(|(x, v, q, w)| NodeState { x: x.0, v: v.0, q: q.map_or(DQuat::IDENTITY, |q| q.0), w: w.map_or(DVec3::ZERO, |w| w.0) })
+        .collect()
+}
+
+fn strain_energy<E: Element<N>, const N: usize>(world: &mut World) -> f64 {
+    let mut sum = 0.0;
+    visit::<E, N>(world, |_, e, _, s| sum += e.strain_energy(s));
+    sum
+}
+
+fn stiffness<E: Element<N>, const N: usize>(world: &mut World, out: &mut [StiffnessBound]) {
+    let mut query = world.query::<(&Mass, Option<&RotaryInertia>)>();
+    let masses: Vec<NodeMass> = query.iter(world).map(|(m, j)| NodeMass { mass: m.0, inertia: j.map_or(0.0, |j| j.0) }).collect();
+    visit::<E, N>(world, |_, e, rows, s| {
+        for (k, b) in e.stiffness_bound(s, rows.map(|r| masses[r as usize])).into_iter().enumerate() {
+            out[rows[k] as usize].translation += b.translation;
+            out[rows[k] as usize].rotation += b.rotation;
+        }
+    });
+}
+
+fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Option<SectionForce> {
+    let mut found = None;
+    visit::<E, N>(world, |i, e, _, s| {
+        if i == index {
+            found = Some(e.section_force(s));
+        }
+    });
+    found
+}
+
+fn element_rows<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Vec<u32> {
+    let mut query = world.query::<(&E, &Connectivity<N>)>();
+    query.iter(world).nth(index).map_or(Vec::new(), |(_, c)| c.0.to_vec())
+}

@@ -1,0 +1,56 @@
+//! Running totals and quality figures that systems fill and outputs read.
+use bevy_ecs::prelude::*;
+
+/// Energies of the whole model since the start (force x length).
+///
+/// `external_work` is kept by the loads, `damping` by the integration, `axial` by the implicit
+/// axial solve (what it dissipates), `contact` and `friction` by the contact systems; `kinetic`
+/// and `strain` are evaluated at monitor steps.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyLedger {
+    /// Work of loads, prescribed motions and body forces.
+    pub external_work: f64,
+    /// Kinetic energy at the last monitor step, with velocities at the time of the positions.
+    pub kinetic: f64,
+    /// Strain energy at the last monitor step.
+    pub strain: f64,
+    /// Energy stored in contacts (normal and tangential springs) at the last monitor step.
+    pub contact: f64,
+    /// Energy dissipated by friction.
+    pub friction: f64,
+    /// Energy dissipated by mass damping, contact damping, bulk viscosity and velocity resets.
+    pub damping: f64,
+    /// Energy dissipated by the implicit axial solve.
+    pub axial: f64,
+}
+
+impl EnergyLedger {
+    /// Work that is not accounted for (force x length).
+    pub fn imbalance(&self) -> f64 {
+        self.external_work - (self.kinetic + self.strain + self.contact + self.friction + self.damping + self.axial)
+    }
+    /// Imbalance relative to the largest term of the balance; zero while nothing has moved.
+    pub fn balance_error(&self) -> f64 {
+        let scale = [self.external_work, self.kinetic, self.strain, self.contact].iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        if scale > 0.0 { self.imbalance() / scale } else { 0.0 }
+    }
+}
+
+/// State of the contacts at the last monitor step.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactSummary {
+    /// Live records of the neighbour lists, filament to filament.
+    pub records: usize,
+    /// Records that carry a force.
+    pub active: usize,
+    /// Largest penetration over the smaller radius, filaments and surfaces.
+    pub max_penetration_to_radius: f64,
+    /// 99th percentile of the same over active contacts.
+    pub p99_penetration_to_radius: f64,
+    /// Sum of all normal forces (force).
+    pub total_force: f64,
+    /// Largest normal force (force).
+    pub max_force: f64,
+    /// Times the neighbour list was rebuilt.
+    pub rebuilds: u64,
+}

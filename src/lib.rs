@@ -1,0 +1,24 @@
+//! An entity-component-system simulator of dry-fibre braids and filament bundles.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+extern crate self as braid_ecs;
+
+pub mod amplitude;
+pub mod assembly;
+pub mod columns;
+pub mod components;
+pub mod element;
+pub mod ledger;
+pub mod model;
+pub mod parallel;
+pub mod prelude;
+pub mod registry;
+pub mod run;
+pub mod scene;
+pub mod simulation;
+pub mod step;
+
+// The physics lives beside the engine, in a folder of its own that uses nothing but the prelude:
+// what a first-party system can do, an outside plugin can do.
+#[path = "../systems/mod.rs"]
+pub mod systems;

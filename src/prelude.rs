@@ -1,0 +1,15 @@
+//! Everything that a system or an element needs, from inside or outside the project.
+pub use crate::amplitude::Amplitude;
+pub use crate::assembly::{KindReport, KindReports, node_states};
+pub use crate::columns::columns;
+pub use crate::components::*;
+pub use crate::element::*;
+pub use crate::ledger::{ContactSummary, EnergyLedger};
+pub use crate::model::*;
+pub use crate::parallel;
+pub use crate::registry::{Build, SpecError};
+pub use crate::simulation::{Failure, HeldDofs, Install, NodeEntities, NodeRows, Simulation};
+pub use crate::step::{Clock, StepSet};
+pub use bevy_ecs::prelude::*;
+pub use glam::{DMat3, DQuat, DVec3};
+pub use serde::{Deserialize, Serialize};

@@ -1,0 +1,183 @@
+//! What a binary knows: element kinds and installers, in the order in which plugins added them.
+use crate::element::Element;
+use crate::model::{Chain, Material, Model, Section};
+use crate::simulation::Install;
+use std::collections::BTreeMap;
+
+/// What is wrong with an entry of a scene, relative to that entry.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct SpecError {
+    /// Path of the offending field inside the entry (`nodes[1]`, `section`); empty for the whole entry.
+    pub path: String,
+    /// What is wrong, with the offending value.
+    pub message: String,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+impl SpecError {
+    /// An error at `path`.
+    pub fn new(path: impl Into<String>, message: impl Into<String>) -> Self {
+        SpecError { path: path.into(), message: message.into(), help: None }
+    }
+
+    /// Adds what would be right.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// An unknown name with the valid ones and the nearest of them.
+    pub fn unknown<'a>(path: impl Into<String>, what: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+        let known: Vec<&str> = known.into_iter().collect();
+        let mut help = if known.is_empty() { format!("no {what} is defined") } else { format!("known: {}", known.join(", ")) };
+        if let Some(near) = nearest(name, &known) {
+            help = format!("did you mean `{near}`? {help}");
+        }
+        SpecError::new(path, format!("unknown {what} `{name}`")).help(help)
+    }
+}
+
+/// The candidate nearest to `word` in spelling, if one is near enough to suggest.
+pub fn nearest<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    candidates
+        .iter()
+        .map(|c| (strsim::damerau_levenshtein(&word.to_lowercase(), &c.to_lowercase()), *c))
+        .min()
+        .filter(|(d, c)| *d <= 1 + c.len().max(word.len()) / 3)
+        .map(|(_, c)| c)
+}
+
+/// What element readers may use and fill.
+pub struct Build<'a> {
+    /// The model under construction.
+    pub model: &'a mut Model,
+    /// Materials by name.
+    pub materials: &'a BTreeMap<String, Material>,
+    /// Sections by name.
+    pub sections: &'a BTreeMap<String, Section>,
+}
+
+impl Build<'_> {
+    /// The section called `name`; errors name the field `path`.
+    ///
+    /// # Errors
+    /// Unknown names, with the known ones.
+    pub fn section(&self, path: &str, name: &str) -> Result<Section, SpecError> {
+        self.sections.get(name).copied().ok_or_else(|| SpecError::unknown(path, "section", name, self.sections.keys().map(String::as_str)))
+    }
+
+    /// Checks that the nodes exist, differ from each other and are apart.
+    ///
+    /// # Errors
+    /// Names the first offending node by its place in the list `path`.
+    pub fn check_nodes(&self, path: &str, nodes: &[crate::components::NodeId]) -> Result<(), SpecError> {
+        let count = self.model.nodes.len();
+        for (i, n) in nodes.iter().enumerate() {
+            if n.row() >= count {
+                return Err(SpecError::new(format!("{path}[{i}]"), format!("node {} does not exist", n.0))
+                    .help(format!("the scene has {count} nodes, numbered from 0")));
+            }
+            if self.model.nodes[n.row()].dummy {
+                return Err(SpecError::new(format!("{path}[{i}]"), format!("node {} is a dummy node and cannot carry an element", n.0)));
+            }
+            if i > 0 {
+                let before = nodes[i - 1];
+                if before == *n {
+                    return Err(SpecError::new(format!("{path}[{i}]"), format!("element joins node {} to itself", n.0)));
+                }
+                if self.model.nodes[before.row()].position == self.model.nodes[n.row()].position {
+                    return Err(SpecError::new(
+                        format!("{path}[{i}]"),
+                        format!("zero-length element: nodes {} and {} are at the same point", before.0, n.0),
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a list of elements could not be read.
+#[derive(Debug)]
+pub enum ReadError {
+    /// The text is not what the element's specification asks for; the span is inside the text.
+    Syntax(ron::error::SpannedError),
+    /// Entry `index` was read but makes no sense.
+    Entry {
+        /// Index in the list.
+        index: usize,
+        /// What is wrong.
+        error: SpecError,
+    },
+}
+
+/// One registered kind of element.
+#[derive(Clone, Copy)]
+pub struct ElementKind {
+    /// Scene key.
+    pub name: &'static str,
+    /// One sentence.
+    pub about: &'static str,
+    /// Nodes per element.
+    pub nodes: usize,
+    /// True if its nodes need rotations.
+    pub rotations: bool,
+    /// Reads the RON list of entries into the model.
+    pub read: fn(&str, &mut Build<'_>) -> Result<(), ReadError>,
+    /// Puts elements along a filament.
+    pub along: fn(&Chain, &mut Build<'_>) -> Result<(), SpecError>,
+    /// Number of elements of this kind in a model.
+    pub count: fn(&Model) -> usize,
+    /// Adds masses to the nodes, by node id.
+    pub(crate) add_mass: fn(&Model, Option<f64>, &mut [crate::element::NodeMass]),
+    /// Spawns the elements and adds their systems.
+    pub(crate) install: fn(&mut Install<'_>),
+}
+
+/// A function that adds systems, components and resources for a model, if the model needs them.
+pub type Installer = fn(&mut Install<'_>);
+
+/// Everything that plugins have added.
+#[derive(Default, Clone)]
+pub struct Registry {
+    /// Element kinds; this order is the order of assembly.
+    pub elements: Vec<ElementKind>,
+    /// Installers with the name of what they install.
+    pub installers: Vec<(&'static str, Installer)>,
+}
+
+impl Registry {
+    /// The element kind called `name`.
+    pub fn element(&self, name: &str) -> Option<&ElementKind> {
+        self.elements.iter().find(|k| k.name == name)
+    }
+
+    /// Adds an element kind.
+    ///
+    /// # Panics
+    /// If the name is taken: two plugins claim the same scene key.
+    pub fn add_element<E: Element<N>, const N: usize>(&mut self) {
+        assert!(self.element(E::NAME).is_none(), "element `{}` is registered twice", E::NAME);
+        self.elements.push(ElementKind {
+            name: E::NAME,
+            about: E::ABOUT,
+            nodes: N,
+            rotations: <E::Force as crate::element::NodeForce>::ROTATIONS,
+            read: read_list::<E, N>,
+            along: E::along,
+            count: |m| m.elements::<E, N>().len(),
+            add_mass: crate::assembly::add_mass::<E, N>,
+            install: crate::assembly::install::<E, N>,
+        });
+    }
+}
+
+fn read_list<E: Element<N>, const N: usize>(text: &str, build: &mut Build<'_>) -> Result<(), ReadError> {
+    let specs: Vec<E::Spec> = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
+    for (index, spec) in specs.into_iter().enumerate() {
+        E::read(spec, build).map_err(|error| ReadError::Entry { index, error })?;
+    }
+    Ok(())
+}

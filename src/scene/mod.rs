@@ -1,0 +1,8 @@
+//! The RON scene.
+
+/// The RON dialect of scenes: `Some` and newtype names may be left out.
+pub fn ron_options() -> ron::Options {
+    ron::Options::default()
+        .with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
+        .with_default_extension(ron::extensions::Extensions::UNWRAP_NEWTYPES)
+}

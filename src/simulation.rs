@@ -1,0 +1,293 @@
+//! The simulation: a world, the schedule of the time step, and the loop around them.
+use crate::components::*;
+use crate::element::{Element, NodeMass};
+use crate::model::{Model, RotaryInertiaRule};
+use crate::registry::{Installer, Registry};
+use crate::step::{Clock, StepSet, TimeStep};
+use bevy_ecs::prelude::*;
+use bevy_ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleConfigs, SingleThreadedExecutor};
+use bevy_ecs::system::ScheduleSystem;
+use glam::{DQuat, DVec3};
+
+/// A plugin registers what it brings: elements, systems, sections of the scene.
+pub trait Plugin {
+    /// Registers everything.
+    fn build(&self, sim: &mut Simulation);
+}
+
+impl<F: Fn(&mut Simulation)> Plugin for F {
+    fn build(&self, sim: &mut Simulation) {
+        self(sim);
+    }
+}
+
+impl<A: Plugin, B: Plugin> Plugin for (A, B) {
+    fn build(&self, sim: &mut Simulation) {
+        self.0.build(sim);
+        self.1.build(sim);
+    }
+}
+
+/// Why a model could not be built or run.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulationError {
+    /// The model contradicts itself.
+    #[error("{0}")]
+    Model(String),
+    /// A node can move but has no mass.
+    #[error("node {node} can move but has no mass: no element is attached to it")]
+    NoMass {
+        /// Node id.
+        node: u32,
+    },
+    /// A non-finite number or a runaway was found.
+    #[error("numerical failure at t = {time:e}, step {step}: {message}")]
+    Numerical {
+        /// Time of the failure.
+        time: f64,
+        /// Step of the failure.
+        step: u64,
+        /// What, where, and the likely cause.
+        message: String,
+    },
+}
+
+/// Set by a system that finds the run broken; the loop stops on it.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Failure(pub Option<String>);
+
+/// Maps node ids to rows of the node columns; tied nodes map to the row of their host.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct NodeRows {
+    rows: Vec<u32>,
+    ids: Vec<NodeId>,
+}
+
+impl NodeRows {
+    /// Row of the node that carries the motion of `node`.
+    #[inline]
+    pub fn of(&self, node: NodeId) -> usize {
+        self.rows[node.0 as usize] as usize
+    }
+    /// The node in `row`.
+    pub fn id(&self, row: usize) -> NodeId {
+        self.ids[row]
+    }
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+    /// True without nodes.
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+}
+
+/// The entities of the nodes, in row order.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct NodeEntities(pub Vec<Entity>);
+
+/// What installers see: the model and the world to fill, the schedule to extend.
+pub struct Install<'a> {
+    /// The world; nodes are spawned already.
+    pub world: &'a mut World,
+    /// The model.
+    pub model: &'a Model,
+    schedule: &'a mut Schedule,
+    slots: &'a mut [u32; 10],
+}
+
+/// Position of a system inside its set; systems of a set run in the order in which they were added.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Slot(StepSet, u32);
+
+impl Install<'_> {
+    /// Adds a system to a set of the time step. Inside a set systems run in the order in which
+    /// they were added, except in [`StepSet::ElementForces`], where each writes only its own columns.
+    pub fn add_system<M>(&mut self, set: StepSet, system: impl IntoScheduleConfigs<ScheduleSystem, M>) {
+        let n = &mut self.slots[set as usize];
+        let mut config: ScheduleConfigs<ScheduleSystem> = system.into_configs().in_set(set).in_set(Slot(set, *n));
+        if *n > 0 && set != StepSet::ElementForces {
+            config = config.after(Slot(set, *n - 1));
+        }
+        *n += 1;
+        self.schedule.add_systems(config);
+    }
+
+    /// Row of a node.
+    pub fn row(&self, node: NodeId) -> usize {
+        self.world.resource::<NodeRows>().of(node)
+    }
+}
+
+/// World, schedule and registry.
+pub struct Simulation {
+    /// All entities and resources.
+    pub world: World,
+    /// The schedule of one time step.
+    pub schedule: Schedule,
+    /// What the plugins have registered.
+    pub registry: Registry,
+}
+
+impl Simulation {
+    /// A simulation with the given plugins and no model.
+    pub fn new(plugins: impl Plugin) -> Self {
+        let mut schedule = Schedule::new(TimeStep);
+        schedule.set_executor(SingleThreadedExecutor::new());
+        schedule.set_build_settings(ScheduleBuildSettings {
+            ambiguity_detection: LogLevel::Error,
+            auto_insert_apply_deferred: false,
+            ..Default::default()
+        });
+        let [a, b, c, d, e, f, g, h, i, j] = StepSet::ORDER;
+        schedule.configure_sets((a, b, c, d, e, f, g, h, i, j).chain());
+        let mut sim = Simulation { world: World::new(), schedule, registry: Registry::default() };
+        plugins.build(&mut sim);
+        sim
+    }
+
+    /// Registers an element kind.
+    pub fn add_element<E: Element<N>, const N: usize>(&mut self) {
+        self.registry.add_element::<E, N>();
+    }
+
+    /// Registers a function that adds systems for models that need them.
+    pub fn add_installer(&mut self, name: &'static str, installer: Installer) {
+        self.registry.installers.push((name, installer));
+    }
+
+    /// Spawns a model: nodes, then elements in registration order, then what the installers add.
+    ///
+    /// # Errors
+    /// Nodes without mass, ties in a circle, constraints that contradict each other.
+    pub fn build(&mut self, model: &Model) -> Result<(), SimulationError> {
+        self.spawn_nodes(model)?;
+        self.world.insert_resource(Failure::default());
+        self.world.insert_resource(Clock { time: 0.0, step: 0, dt: 0.0, dt_kick: 0.0, dt_limit: f64::INFINITY, limited_by: String::new() });
+        let mut slots = [0; 10];
+        let mut install = Install { world: &mut self.world, model, schedule: &mut self.schedule, slots: &mut slots };
+        // Loads and clearing come first in the assembly, so installers run before the elements
+        // only where they say so by name; see `systems/mod.rs` for the order.
+        let (before, after): (Vec<_>, Vec<_>) = self.registry.installers.iter().partition(|(name, _)| name.starts_with("load"));
+        for (_, installer) in before {
+            installer(&mut install);
+        }
+        for kind in &self.registry.elements {
+            (kind.install)(&mut install);
+        }
+        for (_, installer) in after {
+            installer(&mut install);
+        }
+        if let Some(message) = self.world.resource::<Failure>().0.clone() {
+            return Err(SimulationError::Model(message));
+        }
+        self.schedule.initialize(&mut self.world).map_err(|e| SimulationError::Model(format!("schedule: {e:?}")))?;
+        Ok(())
+    }
+
+    fn spawn_nodes(&mut self, model: &Model) -> Result<(), SimulationError> {
+        let mut dependent = vec![None; model.nodes.len()];
+        for t in &model.ties {
+            dependent[t.embedded.row()] = Some(t.host);
+        }
+        let mut rows = NodeRows { rows: vec![u32::MAX; model.nodes.len()], ids: Vec::new() };
+        for (i, d) in dependent.iter().enumerate() {
+            if d.is_none() {
+                rows.rows[i] = rows.ids.len() as u32;
+                rows.ids.push(NodeId(i as u32));
+            }
+        }
+        for i in 0..dependent.len() {
+            let (mut n, mut hops) = (i, 0);
+            while let Some(host) = dependent[n] {
+                n = host.row();
+                hops += 1;
+                if hops > dependent.len() {
+                    return Err(SimulationError::Model(format!("the ties of node {i} run in a circle")));
+                }
+            }
+            rows.rows[i] = rows.rows[n];
+        }
+
+        let rule = model.integration.rotary_inertia;
+        let scaled = if let RotaryInertiaRule::Scaled(f) = rule { Some(f) } else { None };
+        let mut by_node: Vec<NodeMass> = model.nodes.iter().map(|n| NodeMass { mass: n.added_mass, inertia: n.added_inertia }).collect();
+        for kind in &self.registry.elements {
+            (kind.add_mass)(model, scaled, &mut by_node);
+        }
+        let mut masses = vec![NodeMass::default(); rows.len()];
+        for (i, m) in by_node.iter().enumerate() {
+            let r = rows.rows[i] as usize;
+            masses[r].mass += m.mass;
+            masses[r].inertia += m.inertia;
+        }
+        let mut held = vec![[false; 6]; rows.len()];
+        for f in &model.fixed {
+            for d in &f.dofs {
+                held[rows.of(f.node)][*d as usize] = true;
+            }
+        }
+        for p in &model.prescribed {
+            held[rows.of(p.node)][p.dof as usize] = true;
+        }
+        let inverse = |m: f64, held: &[bool]| DVec3::from_array(std::array::from_fn(|k| if held[k] || m <= 0.0 { 0.0 } else { 1.0 / m }));
+        let rotations = self.registry.elements.iter().any(|k| k.rotations && (k.count)(model) > 0);
+        let entities: Vec<Entity> = if rotations {
+            let bundles: Vec<_> = (0..rows.len())
+                .map(|r| {
+                    let n = &model.nodes[rows.ids[r].row()];
+                    (
+                        translation_bundle(n, masses[r].mass, inverse(masses[r].mass, &held[r][..3])),
+                        (
+                            Orientation(DQuat::IDENTITY),
+                            AngularVelocity(n.angular_velocity),
+                            Moment(DVec3::ZERO),
+                            RotaryInertia(masses[r].inertia),
+                            InverseInertia(inverse(masses[r].inertia, &held[r][3..])),
+                        ),
+                    )
+                })
+                .collect();
+            self.world.spawn_batch(bundles).collect()
+        } else {
+            let bundles: Vec<_> = (0..rows.len())
+                .map(|r| {
+                    let n = &model.nodes[rows.ids[r].row()];
+                    translation_bundle(n, masses[r].mass, inverse(masses[r].mass, &held[r][..3]))
+                })
+                .collect();
+            self.world.spawn_batch(bundles).collect()
+        };
+        for (row, &e) in entities.iter().enumerate() {
+            assert_eq!(self.world.entity(e).location().table_row.index(), row, "spawn order is row order");
+        }
+        for (id, n) in model.nodes.iter().enumerate() {
+            if n.dummy {
+                self.world.entity_mut(entities[rows.rows[id] as usize]).insert(DummyNode);
+            }
+        }
+        for t in &model.ties {
+            self.world.spawn(*t);
+        }
+        self.world.insert_resource(HeldDofs(held));
+        self.world.insert_resource(NodeEntities(entities));
+        self.world.insert_resource(rows);
+        Ok(())
+    }
+
+    /// One time step.
+    pub fn step(&mut self) {
+        self.schedule.run(&mut self.world);
+    }
+}
+
+/// Degrees of freedom held by supports or prescribed motions, by row.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct HeldDofs(pub Vec<[bool; 6]>);
+
+type TranslationBundle = (Position, InitialPosition, Velocity, Force, Mass, InverseMass);
+
+fn translation_bundle(n: &crate::model::Node, mass: f64, inverse: DVec3) -> TranslationBundle {
+    (Position(n.position), InitialPosition(n.position), Velocity(n.velocity), Force(DVec3::ZERO), Mass(mass), InverseMass(inverse))
+}

@@ -1,4 +1,5 @@
-//! The RON scene.
+//! The RON scene: from the text of a file to a [`Model`](crate::model::Model).
+pub mod units;
 
 /// The RON dialect of scenes: `Some` and newtype names may be left out.
 pub fn ron_options() -> ron::Options {

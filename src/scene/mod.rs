@@ -1,4 +1,5 @@
 //! The RON scene: from the text of a file to a [`Model`](crate::model::Model).
+pub mod error;
 pub mod spans;
 pub mod units;
 

@@ -1,5 +1,6 @@
 //! The RON scene: from the text of a file to a [`Model`](crate::model::Model).
 pub mod error;
+pub mod schema;
 pub mod spans;
 pub mod units;
 

@@ -1,5 +1,5 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
-use super::error::{Category, Problem, SceneErrors, from_ron};
+use super::error::{Category, EXPECTED_TEXT, Problem, SceneErrors, from_ron};
 use super::schema::{Scene, VERSIONS};
 use super::spans::{MAX_DEPTH, Path, Step, Tree, tree};
 use super::units::UnitSystem;
@@ -7,6 +7,7 @@ use super::{build, ron_options, set};
 use crate::model::Model;
 use crate::registry::{Registry, nearest};
 use serde::Deserialize;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Largest scene file that is read (bytes).
@@ -70,27 +71,51 @@ pub fn load(path: impl AsRef<std::path::Path>, sets: &[(String, String)], regist
 /// # Errors
 /// Everything that is wrong with the scene, with its place.
 pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: &Registry) -> Result<LoadedScene, SceneErrors> {
-    let mut edited = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
-    let original = edited.clone();
+    let original = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
+    let mut sets = sets.to_vec();
+    loop {
+        let edited = edit(name, &original, &sets)?;
+        let tree = tree(&edited);
+        let fail = |problems| Err(placed(name, &edited, &tree, &sets, &original, problems));
+        let mut scene = match parse(&edited, &tree) {
+            Ok(scene) => scene,
+            Err(problem) => {
+                // The shell eats the quotes of `--set title="a"`.
+                if problem.message == EXPECTED_TEXT
+                    && let Some(at) = problem.span.as_ref().and_then(|s| set_at(&sets, &tree, s))
+                    && !sets[at].1.starts_with('"')
+                {
+                    sets[at].1 = format!("{:?}", sets[at].1);
+                    continue;
+                }
+                return fail(vec![*problem]);
+            }
+        };
+        let root = tree.root.as_ref().expect("an empty scene was refused");
+        return match build::build(&mut scene, &edited, root, registry) {
+            Ok(mut model) => {
+                let path = PathBuf::from(name);
+                model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
+                Ok(LoadedScene { scene, model, text: edited, path })
+            }
+            Err(problems) => fail(problems),
+        };
+    }
+}
+
+fn edit(name: &str, original: &str, sets: &[(String, String)]) -> Result<String, SceneErrors> {
+    let mut edited = original.to_string();
     for (path, value) in sets {
         edited = set::set(&edited, path, value)
-            .map_err(|p| SceneErrors::place(Category::Usage, name, &edited, None, vec![with_known_paths(p, path, value, &original)]))?;
+            .map_err(|p| SceneErrors::place(Category::Usage, name, &edited, None, vec![with_known_paths(p, path, value, original)]))?;
     }
-    let tree = tree(&edited);
-    let fail = |problems| Err(placed(name, &edited, &tree, sets, &original, problems));
-    let mut scene = match parse(&edited, &tree) {
-        Ok(scene) => scene,
-        Err(problem) => return fail(vec![*problem]),
-    };
-    let root = tree.root.as_ref().expect("an empty scene was refused");
-    match build::build(&mut scene, &edited, root, registry) {
-        Ok(mut model) => {
-            let path = PathBuf::from(name);
-            model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-            Ok(LoadedScene { scene, model, text: edited, path })
-        }
-        Err(problems) => fail(problems),
-    }
+    Ok(edited)
+}
+
+/// Which `--set` has written the range, if one has; the last one counts.
+fn set_at(sets: &[(String, String)], tree: &Tree, at: &Range<usize>) -> Option<usize> {
+    let root = tree.root.as_ref()?;
+    sets.iter().rposition(|(path, _)| set::range_of(root, path).is_some_and(|r| r.start <= at.start && at.end <= r.end))
 }
 
 /// The scene in a text, without any check of its meaning.
@@ -168,13 +193,7 @@ fn placed(name: &str, text: &str, tree: &Tree, sets: &[(String, String)], origin
         .into_iter()
         .map(|mut p| {
             let at = p.span.clone().or_else(|| root.map(|r| r.deepest(&p.path).0.mark(text)));
-            let Some((path, value)) = at.and_then(|at| {
-                sets.iter()
-                    .rev()
-                    .find(|(path, _)| root.and_then(|r| set::range_of(r, path)).is_some_and(|r| r.start <= at.start && at.end <= r.end))
-            }) else {
-                return p;
-            };
+            let Some((path, value)) = at.and_then(|at| set_at(sets, tree, &at)).map(|i| &sets[i]) else { return p };
             if p.message.starts_with("unknown field") {
                 category = Category::Usage;
                 return with_known_paths(set::no_such_path(path, value, &[]), path, value, original).with_choices(p.help.take());

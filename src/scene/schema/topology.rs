@@ -70,10 +70,10 @@ pub struct InitialVelocitySpec {
     pub nodes: Vec<NodeRef>,
     /// Velocity (length / time). Default zero.
     #[serde(default)]
-    pub velocity: [Velocity; 3],
+    pub velocity: Triple<Velocity>,
     /// Angular velocity (radian / time). Default zero.
     #[serde(default)]
-    pub angular: [AngularVelocity; 3],
+    pub angular: Triple<AngularVelocity>,
 }
 
 fn contact_default() -> bool {

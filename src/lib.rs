@@ -10,6 +10,7 @@ pub mod components;
 pub mod element;
 pub mod ledger;
 pub mod model;
+pub mod output;
 pub mod parallel;
 pub mod prelude;
 pub mod registry;

@@ -1,0 +1,3 @@
+//! What a run leaves behind: ParaView frames, pictures, histories, plots, a summary.
+pub mod file;
+pub mod vtp;

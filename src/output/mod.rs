@@ -1,3 +1,4 @@
 //! What a run leaves behind: ParaView frames, pictures, histories, plots, a summary.
 pub mod file;
+pub mod render;
 pub mod vtp;

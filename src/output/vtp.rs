@@ -186,7 +186,8 @@ pub fn write(path: &Path, lines: &Polylines, time: f64) -> Result<(), OutputErro
 /// # Errors
 /// What the operating system says.
 pub fn write_series(path: &Path, frames: &[(f64, String)]) -> Result<(), OutputError> {
-    let mut x = String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n<Collection>\n");
+    let mut x =
+        String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n<Collection>\n");
     for (time, file) in frames {
         let _ = writeln!(x, "<DataSet timestep=\"{time:e}\" part=\"0\" file=\"{}\"/>", escape(file));
     }

@@ -1,4 +1,5 @@
 //! What a run leaves behind: ParaView frames, pictures, histories, plots, a summary.
 pub mod file;
+pub mod plot;
 pub mod render;
 pub mod vtp;

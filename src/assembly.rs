@@ -59,6 +59,8 @@ pub struct KindReport {
     pub section_force: fn(&mut World, usize) -> Option<SectionForce>,
     /// Rows of element `i`.
     pub rows: fn(&mut World, usize) -> Vec<u32>,
+    /// Calls back with the rows and section forces of every element, in order.
+    pub sections: fn(&mut World, &mut dyn FnMut(&[u32], SectionForce)),
 }
 
 /// Reports of all kinds present in the model, in registration order.
@@ -91,6 +93,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
         stiffness: stiffness::<E, N>,
         section_force: section_force::<E, N>,
         rows: element_rows::<E, N>,
+        sections: sections::<E, N>,
     });
     if <E::Force as NodeForce>::ROTATIONS {
         cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
@@ -200,6 +203,10 @@ fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize)
         }
     });
     found
+}
+
+fn sections<E: Element<N>, const N: usize>(world: &mut World, each: &mut dyn FnMut(&[u32], SectionForce)) {
+    visit::<E, N>(world, |_, e, rows, s| each(&rows, e.section_force(s)));
 }
 
 fn element_rows<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Vec<u32> {

@@ -8,6 +8,7 @@ pub mod assembly;
 pub mod columns;
 pub mod components;
 pub mod element;
+pub mod generate;
 pub mod ledger;
 pub mod model;
 pub mod output;

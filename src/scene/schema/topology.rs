@@ -82,11 +82,10 @@ pub enum NaturalSpec {
     /// The initial shape.
     #[default]
     AsBuilt,
-    /// Straight.
-    Straight,
-    /// Straight, with an initial twist against the stress-free state.
-    Twisted {
-        /// Twist per length (radian / length).
+    /// Straight; twisted by `twist` in the initial shape.
+    Straight {
+        /// Initial twist of the material about the axis (radian / length). Default 0.
+        #[serde(default)]
         twist: Curvature,
     },
 }

@@ -11,6 +11,7 @@ pub mod element;
 pub mod generate;
 pub mod ledger;
 pub mod model;
+pub mod output;
 pub mod parallel;
 pub mod prelude;
 pub mod registry;

@@ -65,7 +65,7 @@ impl Builder<'_> {
                 self.above_zero(path.key("mass"), &format!("mass per length of section `{name}`"), mass.0);
                 self.not_negative(path.key("inertia"), &format!("inertia of section `{name}`"), inertia.map_or(0.0, |v| v.0));
                 let ei = [ei.0, ei3.map_or(ei.0, |v| v.0)];
-                Section { ea: ea.0, ei, gj: gj.0, ga: ga.map_or(f64::INFINITY, |v| v.0), mass: mass.0, inertia: inertia.map(|v| v.0) }
+                Section { ea: ea.0, ei, gj: gj.0, ga: ga.map_or(f64::INFINITY, |v| v.0), mass: mass.0, inertia: inertia.map_or(0.0, |v| v.0) }
             }
         };
         (self.problems.len() == before).then_some(section)
@@ -96,7 +96,7 @@ fn rectangle(m: &Material, width: f64, height: f64) -> Section {
         gj: shear * torsion,
         ga: f64::INFINITY,
         mass: m.density * area,
-        inertia: Some(m.density * (second + third)),
+        inertia: m.density * (second + third),
     }
 }
 

@@ -12,6 +12,7 @@ pub mod generate;
 pub mod ledger;
 pub mod measure;
 pub mod model;
+pub mod output;
 pub mod parallel;
 pub mod prelude;
 pub mod registry;

@@ -66,6 +66,8 @@ pub struct KindReport {
     pub springs: fn(&mut World) -> Vec<Option<SpringOffer>>,
     /// Tells the marked elements that their axial spring was taken.
     pub release: fn(&mut World, &[bool]),
+    /// Calls back with the rows and section forces of every element, in order.
+    pub sections: fn(&mut World, &mut dyn FnMut(&[u32], SectionForce)),
 }
 
 /// Reports of all kinds present in the model, in registration order.
@@ -102,6 +104,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
         rows: element_rows::<E, N>,
         springs: springs::<E, N>,
         release: release::<E, N>,
+        sections: sections::<E, N>,
     });
     if <E::Force as NodeForce>::ROTATIONS {
         cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
@@ -211,6 +214,10 @@ fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize)
         }
     });
     found
+}
+
+fn sections<E: Element<N>, const N: usize>(world: &mut World, each: &mut dyn FnMut(&[u32], SectionForce)) {
+    visit::<E, N>(world, |_, e, rows, s| each(&rows, e.section_force(s)));
 }
 
 fn element_rows<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Vec<u32> {

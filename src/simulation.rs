@@ -140,12 +140,7 @@ impl Install<'_> {
 
 /// Two systems that could run in either order with different results are an error.
 fn settings(shuffle_seed: Option<u64>) -> ScheduleBuildSettings {
-    ScheduleBuildSettings {
-        ambiguity_detection: LogLevel::Error,
-        auto_insert_apply_deferred: false,
-        shuffle_seed,
-        ..Default::default()
-    }
+    ScheduleBuildSettings { ambiguity_detection: LogLevel::Error, auto_insert_apply_deferred: false, shuffle_seed, ..Default::default() }
 }
 
 /// World, schedule and registry.
@@ -184,6 +179,11 @@ impl Simulation {
     /// Registers an element kind.
     pub fn add_element<E: Element<N>, const N: usize>(&mut self) {
         self.registry.add_element::<E, N>();
+    }
+
+    /// Registers settings: a top-level key of the scene.
+    pub fn add_settings<S: crate::registry::Settings>(&mut self) {
+        self.registry.add_settings::<S>();
     }
 
     /// Registers a function that adds systems for models that need them.

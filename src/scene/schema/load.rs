@@ -1,5 +1,5 @@
 //! Supports, prescribed motions, loads and their course in time.
-use super::topology::NodeRef;
+use super::NodeRef;
 use crate::components::Dof;
 use crate::scene::units::*;
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,8 @@
 //! Placement and end conditions shared by bundle and strand.
 use super::tow::finite;
-use super::units::Length;
 use crate::components::{Dof, NodeId};
 use crate::registry::{Build, SpecError};
+use crate::scene::units::Length;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 

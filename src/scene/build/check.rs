@@ -232,7 +232,7 @@ impl Builder<'_> {
                     path,
                     format!("{name_b} lies exactly on {name_a} (segment {} on segment {}): the contact normal is undefined", b.2, a.2),
                 )
-                .help("move one of them, or set contact: false on it"),
+                .help("move one of them"),
             );
         }
     }

@@ -140,12 +140,7 @@ impl Install<'_> {
 
 /// Two systems that could run in either order with different results are an error.
 fn settings(shuffle_seed: Option<u64>) -> ScheduleBuildSettings {
-    ScheduleBuildSettings {
-        ambiguity_detection: LogLevel::Error,
-        auto_insert_apply_deferred: false,
-        shuffle_seed,
-        ..Default::default()
-    }
+    ScheduleBuildSettings { ambiguity_detection: LogLevel::Error, auto_insert_apply_deferred: false, shuffle_seed, ..Default::default() }
 }
 
 /// World, schedule and registry.

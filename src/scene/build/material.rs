@@ -65,7 +65,14 @@ impl Builder<'_> {
                 self.above_zero(path.key("mass"), &format!("mass per length of section `{name}`"), mass.0);
                 self.not_negative(path.key("inertia"), &format!("inertia of section `{name}`"), inertia.map_or(0.0, |v| v.0));
                 let ei = [ei.0, ei3.map_or(ei.0, |v| v.0)];
-                Section { ea: ea.0, ei, gj: gj.0, ga: ga.map_or(f64::INFINITY, |v| v.0), mass: mass.0, inertia: inertia.map_or(0.0, |v| v.0) }
+                Section {
+                    ea: ea.0,
+                    ei,
+                    gj: gj.0,
+                    ga: ga.map_or(f64::INFINITY, |v| v.0),
+                    mass: mass.0,
+                    inertia: inertia.map_or(0.0, |v| v.0),
+                }
             }
         };
         (self.problems.len() == before).then_some(section)

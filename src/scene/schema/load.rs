@@ -1,5 +1,5 @@
 //! Supports, prescribed motions, loads and their course in time.
-use super::topology::NodeRef;
+use super::NodeRef;
 use crate::components::Dof;
 use crate::scene::units::*;
 use serde::{Deserialize, Serialize};
@@ -92,6 +92,25 @@ impl PrescribedSpec {
     }
 }
 
+/// Force along the period vector of a periodic structure, raised smoothly. It sets the time scale
+/// tF = sqrt(mass x stroke / force) of automatic damping and of the steady state.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PeriodLoadSpec {
+    /// Force along the period vector (force), above zero to pull.
+    pub force: Force,
+    /// The dummy node. Default: the only one.
+    #[serde(default)]
+    pub node: Option<NodeRef>,
+    /// Duration of the rise from zero (time). Default 2 tF.
+    #[serde(default)]
+    pub rise: Option<Time>,
+    /// Way that the force travels, only for the time scale (length). Default for a braid: arc length of
+    /// a tow less length of the cell; else a tenth of the period.
+    #[serde(default)]
+    pub stroke: Option<Length>,
+}
+
 /// Force and moment on nodes: amplitude(t) x value.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -100,10 +119,10 @@ pub struct NodalLoadSpec {
     pub nodes: Vec<NodeRef>,
     /// Force in global axes (force). Default zero.
     #[serde(default)]
-    pub force: [Force; 3],
+    pub force: Triple<Force>,
     /// Moment in global axes (force x length). Default zero.
     #[serde(default)]
-    pub moment: [Moment; 3],
+    pub moment: Triple<Moment>,
     /// True: force and moment turn with the node. Default false.
     #[serde(default)]
     pub follower: bool,
@@ -117,7 +136,7 @@ pub struct NodalLoadSpec {
 #[serde(deny_unknown_fields)]
 pub struct GravitySpec {
     /// Acceleration (length / time^2).
-    pub acceleration: [Acceleration; 3],
+    pub acceleration: Triple<Acceleration>,
     /// Name of the amplitude. Default constant 1.
     #[serde(default)]
     pub amplitude: Option<String>,

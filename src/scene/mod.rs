@@ -1,4 +1,21 @@
-//! The RON scene.
+//! The RON scene: from the text of a file to a [`Model`](crate::model::Model).
+//!
+//! | step | file |
+//! |---|---|
+//! | text to tree of byte ranges | `spans.rs` |
+//! | `--set path=value` edits the text | `set.rs` |
+//! | text to [`Scene`](schema::Scene), quantities converted to scene units | `read.rs`, `schema/`, `units.rs` |
+//! | scene to model, physics checked | `build/` |
+//! | what is wrong, where, what would be right | `error.rs` |
+mod build;
+pub mod error;
+mod read;
+pub mod schema;
+mod set;
+pub mod spans;
+pub mod units;
+
+pub use read::{LoadedScene, MAX_BYTES, load, load_text};
 
 /// The RON dialect of scenes: `Some` and newtype names may be left out.
 pub fn ron_options() -> ron::Options {

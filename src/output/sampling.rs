@@ -1,0 +1,95 @@
+//! When something is written.
+use crate::scene::schema::Sampling;
+
+/// Tells when the next sample is due. Samples at the start and at the end are not its business:
+/// the recorder takes those unless the sampling is `Never`.
+#[derive(Clone, Debug)]
+pub struct Sampler {
+    rule: Rule,
+    next_time: f64,
+    next_step: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Rule {
+    Never,
+    Ends,
+    Every(f64),
+    Steps(u64),
+}
+
+impl Sampler {
+    /// A sampler for a run that is expected to last `duration` (time), if that is known.
+    pub fn new(sampling: Sampling, duration: Option<f64>) -> Self {
+        let rule = match sampling {
+            Sampling::Never => Rule::Never,
+            Sampling::Ends | Sampling::Count(0) => Rule::Ends,
+            Sampling::Count(n) => match duration.filter(|d| d.is_finite() && *d > 0.0) {
+                Some(d) => Rule::Every(d / f64::from(n)),
+                None => Rule::Ends,
+            },
+            Sampling::Every(interval) if interval.0 > 0.0 => Rule::Every(interval.0),
+            Sampling::Every(_) => Rule::Ends,
+            Sampling::Steps(n) => Rule::Steps(n.max(1)),
+        };
+        let (next_time, next_step) = match rule {
+            Rule::Every(interval) => (interval, u64::MAX),
+            Rule::Steps(n) => (f64::INFINITY, n),
+            Rule::Never | Rule::Ends => (f64::INFINITY, u64::MAX),
+        };
+        Sampler { rule, next_time, next_step }
+    }
+
+    /// False if nothing is written at all, not even at the start and the end.
+    pub fn wanted(&self) -> bool {
+        !matches!(self.rule, Rule::Never)
+    }
+
+    /// Interval between samples (time), for the loop that calls back.
+    pub fn interval(&self) -> Option<f64> {
+        if let Rule::Every(interval) = self.rule { Some(interval) } else { None }
+    }
+
+    /// Steps between samples, for the loop that calls back.
+    pub fn steps(&self) -> Option<u64> {
+        if let Rule::Steps(n) = self.rule { Some(n) } else { None }
+    }
+
+    /// True if a sample is due at this time and step; the next one is then due an interval later.
+    pub fn due(&mut self, time: f64, step: u64) -> bool {
+        // Half a millionth of an interval forgives the rounding of a time that is a sum of steps.
+        match self.rule {
+            Rule::Every(interval) if time >= self.next_time - 5e-7 * interval => {
+                self.next_time = (((time + 5e-7 * interval) / interval).floor() + 1.0) * interval;
+                true
+            }
+            Rule::Steps(n) if step >= self.next_step => {
+                self.next_step = (step / n + 1) * n;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::units::Time;
+
+    fn times(sampling: Sampling, duration: Option<f64>, dt: f64) -> Vec<u64> {
+        let mut s = Sampler::new(sampling, duration);
+        (1..=100).filter(|i| s.due(*i as f64 * dt, *i)).collect()
+    }
+
+    #[test]
+    fn samples_come_at_even_intervals() {
+        assert_eq!(times(Sampling::Count(4), Some(1.0), 0.01), [25, 50, 75, 100]);
+        assert_eq!(times(Sampling::Every(Time(0.3)), None, 0.01), [30, 60, 90]);
+        assert_eq!(times(Sampling::Steps(40), None, 0.01), [40, 80]);
+        assert!(times(Sampling::Ends, Some(1.0), 0.01).is_empty() && times(Sampling::Count(5), None, 0.01).is_empty());
+        // Steps longer than the interval: one sample per step, none twice.
+        assert_eq!(times(Sampling::Every(Time(0.3)), None, 1.0).len(), 100);
+        assert!(!Sampler::new(Sampling::Never, None).wanted() && Sampler::new(Sampling::Ends, None).wanted());
+    }
+}

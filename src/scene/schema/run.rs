@@ -1,0 +1,172 @@
+//! Damping, time integration, the end of the run, what is written and what is expected.
+use super::topology::NodeRef;
+use crate::scene::units::*;
+use serde::{Deserialize, Serialize};
+
+/// Damping.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+pub enum DampingSpec {
+    /// No damping.
+    None,
+    /// Mass damping with alpha = 1/tF, for braids under a force; tF = sqrt(mass x stroke / force).
+    Auto,
+    /// Mass damping f = -alpha m v with the given alpha (1 / time).
+    Mass(Rate),
+    /// All velocities set to zero at every peak of the kinetic energy.
+    Kinetic,
+}
+
+/// How axial forces are integrated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub enum AxialSpec {
+    /// Central differences: the axial wave limits the time step.
+    Explicit,
+    /// Tensions at the end of the step, from one linear solve per chain: no limit from the axial wave.
+    #[default]
+    Implicit,
+}
+
+/// Rotary inertia of the nodes of beams.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+pub enum RotaryInertiaSpec {
+    /// Factor x nodal mass x (element length)^2: larger time steps, right for equilibria.
+    Scaled(Ratio),
+    /// That of the section: for torsional dynamics.
+    Physical,
+}
+
+/// Time integration.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IntegrationSpec {
+    /// `Explicit` or `Implicit` axial forces. Default `Implicit`.
+    pub axial: AxialSpec,
+    /// Factor on the stable time step, above 0 and below 1. Default 0.9.
+    pub safety: Ratio,
+    /// Time step (time); refused above the stable limit. Default: safety x limit.
+    pub dt: Option<Time>,
+    /// Rotary inertia of beam nodes. Default `Scaled(1)`.
+    pub rotary_inertia: RotaryInertiaSpec,
+    /// Linear bulk viscosity of explicit axial elements. Default 0; 0.06 is usual.
+    pub bulk_viscosity: Ratio,
+    /// Steps between two looks at energies, limits and finiteness. Default 64.
+    pub monitor_every: u32,
+}
+
+impl Default for IntegrationSpec {
+    fn default() -> Self {
+        let d = crate::model::Integration::default();
+        IntegrationSpec {
+            axial: AxialSpec::Implicit,
+            safety: Ratio(d.safety),
+            dt: None,
+            rotary_inertia: RotaryInertiaSpec::Scaled(Ratio(1.0)),
+            bulk_viscosity: Ratio(d.bulk_viscosity),
+            monitor_every: d.monitor_every,
+        }
+    }
+}
+
+/// Steady state: the watched length changes by less than `change` per `interval`, `repeats` times in a row.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SteadySpec {
+    /// Name of the dummy node whose period vector is watched. Default: the first one; without dummy nodes, the largest speed.
+    #[serde(default)]
+    pub watch: Option<NodeRef>,
+    /// Time between two looks (time). Default tF (braids under a force).
+    #[serde(default)]
+    pub interval: Option<Time>,
+    /// Largest relative change per interval. Default 2e-4.
+    #[serde(default = "change")]
+    pub change: Ratio,
+    /// Looks in a row. Default 3.
+    #[serde(default = "repeats")]
+    pub repeats: u32,
+    /// Not before this time (time). Default 12 tF (braids under a force), else 0.
+    #[serde(default)]
+    pub earliest: Option<Time>,
+    /// Largest kinetic energy over strain energy. Default: not looked at.
+    #[serde(default)]
+    pub kinetic_to_strain: Option<Ratio>,
+}
+
+fn change() -> Ratio {
+    Ratio(2e-4)
+}
+
+fn repeats() -> u32 {
+    3
+}
+
+impl Default for SteadySpec {
+    fn default() -> Self {
+        SteadySpec { watch: None, interval: None, change: change(), repeats: repeats(), earliest: None, kinetic_to_strain: None }
+    }
+}
+
+/// When a run ends: whichever comes first.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StopSpec {
+    /// End time (time).
+    pub time: Option<Time>,
+    /// Number of steps.
+    pub steps: Option<u64>,
+    /// Steady state. Braids under a force have it by default.
+    pub steady: Option<SteadySpec>,
+}
+
+/// How often something is written.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+pub enum Sampling {
+    /// Never.
+    Never,
+    /// At the start and the end only.
+    Ends,
+    /// About this many times, evenly over the expected duration.
+    Count(u32),
+    /// Every so often (time).
+    Every(Time),
+    /// Every so many steps.
+    Steps(u64),
+}
+
+/// What is written into the output folder.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputSpec {
+    /// Frames for ParaView. Default `Count(20)`.
+    pub frames: Sampling,
+    /// Rows of `history.csv`. Default `Count(400)`.
+    pub history: Sampling,
+    /// Checkpoints. Default `Never`.
+    pub checkpoint: Sampling,
+    /// `initial.png` and `final.png`. Default true.
+    pub pictures: bool,
+    /// SVG plots of the history. Default true.
+    pub plots: bool,
+}
+
+impl Default for OutputSpec {
+    fn default() -> Self {
+        OutputSpec { frames: Sampling::Count(20), history: Sampling::Count(400), checkpoint: Sampling::Never, pictures: true, plots: true }
+    }
+}
+
+/// An expected value of a measure or probe.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExpectSpec {
+    /// The value, in the unit in which the probe is reported.
+    pub value: Ratio,
+    /// Largest relative difference.
+    #[serde(default)]
+    pub rel: Option<Ratio>,
+    /// Largest absolute difference.
+    #[serde(default)]
+    pub abs: Option<Ratio>,
+    /// Where the value comes from.
+    #[serde(default)]
+    pub source: String,
+}

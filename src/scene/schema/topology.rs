@@ -1,0 +1,224 @@
+//! Nodes, curves, contact surfaces and what joins them.
+use crate::components::Dof;
+use crate::scene::units::*;
+use serde::de::{self, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// A node or a group of nodes: a number, the name of a node, of a dummy node or of a polyline (all
+/// its nodes), `"cable[0]"` and `"cable[-1]"` (first and last node of a polyline), or `"all"`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NodeRef {
+    /// By number.
+    Number(u32),
+    /// By name.
+    Name(String),
+}
+
+impl<'de> Deserialize<'de> for NodeRef {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct V;
+        impl Visitor<'_> for V {
+            type Value = NodeRef;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("the number or the name of a node")
+            }
+            fn visit_u64<E: de::Error>(self, v: u64) -> Result<NodeRef, E> {
+                u32::try_from(v).map(NodeRef::Number).map_err(|_| E::custom(format!("node {v} does not exist")))
+            }
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<NodeRef, E> {
+                u64::try_from(v).map_err(|_| E::custom(format!("nodes are numbered from 0, not {v}"))).and_then(|v| self.visit_u64(v))
+            }
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<NodeRef, E> {
+                Ok(NodeRef::Name(v.to_string()))
+            }
+        }
+        deserializer.deserialize_any(V)
+    }
+}
+
+impl Serialize for NodeRef {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            NodeRef::Number(n) => serializer.serialize_u32(*n),
+            NodeRef::Name(n) => serializer.serialize_str(n),
+        }
+    }
+}
+
+/// Added masses.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct NodeMassSpec {
+    /// The nodes; each gets the whole of it.
+    pub nodes: Vec<NodeRef>,
+    /// Mass. Default 0.
+    #[serde(default)]
+    pub mass: Mass,
+    /// Rotary inertia (mass x length^2). Default 0.
+    #[serde(default)]
+    pub inertia: Inertia,
+}
+
+/// Velocities at the start.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct InitialVelocitySpec {
+    /// The nodes.
+    pub nodes: Vec<NodeRef>,
+    /// Velocity (length / time). Default zero.
+    #[serde(default)]
+    pub velocity: [Velocity; 3],
+    /// Angular velocity (radian / time). Default zero.
+    #[serde(default)]
+    pub angular: [AngularVelocity; 3],
+}
+
+/// The stress-free shape of beams.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub enum NaturalSpec {
+    /// The initial shape.
+    #[default]
+    AsBuilt,
+    /// Straight; twisted by `twist` in the initial shape.
+    Straight {
+        /// Initial twist of the material about the axis (radian / length). Default 0.
+        #[serde(default)]
+        twist: Curvature,
+    },
+}
+
+/// A second run of elements on nodes of its own, tied to the nodes of the curve.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct EmbeddedSpec {
+    /// Kind of element.
+    pub element: String,
+    /// Name of the section.
+    pub section: String,
+}
+
+fn contact_default() -> bool {
+    true
+}
+
+/// A curve through points: nodes, elements, and a round contact surface if it has a radius.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolylineSpec {
+    /// Name, for references to its nodes. Default `line0`, `line1` ...
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Corners of the curve (length), at least two.
+    pub points: Vec<Point>,
+    /// Number of elements, spread evenly over the length. Default: one between every two points.
+    #[serde(default)]
+    pub elements: Option<u32>,
+    /// Kind of element. Default none: nodes and a contact surface only.
+    #[serde(default)]
+    pub element: Option<String>,
+    /// Name of the section; needed with `element`.
+    #[serde(default)]
+    pub section: Option<String>,
+    /// More elements on tied nodes at the same points. Default none.
+    #[serde(default)]
+    pub embedded: Option<EmbeddedSpec>,
+    /// Radius of the contact surface (length). Default: no contact surface.
+    #[serde(default)]
+    pub radius: Option<Length>,
+    /// Tow number of the contact surface. Default 0.
+    #[serde(default)]
+    pub tow: usize,
+    /// False: drawn but not checked for contact. Default true.
+    #[serde(default = "contact_default")]
+    pub contact: bool,
+    /// Stress-free shape of beams. Default the initial shape.
+    #[serde(default)]
+    pub natural: NaturalSpec,
+    /// Direction of the second section axis. Default: chosen by the element.
+    #[serde(default)]
+    pub orientation: Option<[Ratio; 3]>,
+    /// True: the last node is joined to the first one. Default false.
+    #[serde(default)]
+    pub closed: bool,
+}
+
+/// A contact surface along existing nodes.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FilamentSpec {
+    /// Nodes in order, at least two.
+    pub nodes: Vec<NodeRef>,
+    /// Radius (length).
+    pub radius: Length,
+    /// Tow number. Default 0.
+    #[serde(default)]
+    pub tow: usize,
+    /// False: drawn but not checked for contact. Default true.
+    #[serde(default = "contact_default")]
+    pub contact: bool,
+}
+
+/// Two coincident nodes that move as one.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TieSpec {
+    /// The dependent node.
+    pub embedded: NodeRef,
+    /// The node that carries both.
+    pub host: NodeRef,
+}
+
+/// One term c u of an equation: `(c, node, dof)`.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct TermSpec(
+    /// Coefficient.
+    pub Ratio,
+    /// Node.
+    pub NodeRef,
+    /// Degree of freedom.
+    pub Dof,
+);
+
+/// A linear equation: the sum of its terms equals a constant. The first term is the dependent one.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct EquationSpec {
+    /// The terms.
+    pub terms: Vec<TermSpec>,
+    /// Right-hand side (length or radian). Default 0.
+    #[serde(default)]
+    pub constant: Ratio,
+}
+
+/// One periodic pair: the displacement of `image` is that of `node` plus those of the dummy nodes.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairSpec {
+    /// The independent node.
+    pub node: NodeRef,
+    /// The dependent node.
+    pub image: NodeRef,
+    /// Names of the dummy nodes between the two.
+    pub dummies: Vec<String>,
+}
+
+/// Periodicity through dummy nodes.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PeriodicSpec {
+    /// Dummy nodes: name and period vector (length).
+    pub dummies: BTreeMap<String, Point>,
+    /// Pairs by hand. Default none.
+    #[serde(default)]
+    pub pairs: Vec<PairSpec>,
+    /// True: pairs every node with its image under the period vectors. Default false.
+    #[serde(default)]
+    pub matching: bool,
+    /// Largest distance between a node and the place where its partner wants it (length).
+    /// Default 1e-9 of the longest period vector.
+    #[serde(default)]
+    pub tolerance: Option<Length>,
+}

@@ -22,6 +22,8 @@ pub struct Totals {
     pub friction: f64,
     /// Work lost to damping.
     pub damping: f64,
+    /// Work put in by overlap that goes away in time.
+    pub relaxed: f64,
     /// Records that have left their segment.
     pub strayed: bool,
     /// The angle between touching filaments has grown so that crossings must be looked for.
@@ -29,9 +31,11 @@ pub struct Totals {
 }
 
 impl Totals {
-    fn add(&mut self, other: Totals) {
+    /// Adds another part.
+    pub fn add(&mut self, other: Totals) {
         self.friction += other.friction;
         self.damping += other.damping;
+        self.relaxed += other.relaxed;
         self.strayed |= other.strayed;
         self.turned |= other.turned;
     }
@@ -59,6 +63,16 @@ fn by_chunks<A: Sync, B: Send, C: Send>(
     sum
 }
 
+/// One line record, with all that can be said about it.
+pub fn of_line(settings: &Settings, lines: &Lines, now: &Centrelines, record: &LineRecord, state: &LineState) -> Contact<f64> {
+    line_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
+}
+
+/// One point record, with all that can be said about it.
+pub fn of_point(settings: &Settings, lines: &Lines, now: &Centrelines, record: &PointRecord, state: &PointState) -> Contact<f64> {
+    point_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
+}
+
 /// Forces of all line records.
 pub fn evaluate_lines(
     settings: &Settings,
@@ -71,8 +85,11 @@ pub fn evaluate_lines(
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
         for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c: Contact<f64> = line_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state));
+            let c = of_line(settings, lines, now, record, state);
             let r = &c.response;
+            if settings.keep < 1.0 {
+                sum.relaxed += r.normal_force * state.offset * (1.0 - settings.keep);
+            }
             *state = LineState { t: c.t[1], slip: r.slip.lane(0), offset: c.offset };
             *force = LineForce([r.force.x, r.force.y, r.force.z, c.t[1]]);
             sum.friction += r.friction;
@@ -96,8 +113,11 @@ pub fn evaluate_points(
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
         for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c: Contact<f64> = point_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state));
+            let c = of_point(settings, lines, now, record, state);
             let r = &c.response;
+            if settings.keep < 1.0 {
+                sum.relaxed += r.normal_force * state.offset * (1.0 - settings.keep);
+            }
             *state = PointState { t: c.t, slip: r.slip.lane(0), offset: c.offset };
             *force = PointForce { force: r.force.lane(0), t: c.t };
             sum.friction += r.friction;

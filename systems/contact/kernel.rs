@@ -23,6 +23,8 @@ pub struct Settings {
     pub point_stiffness: f64,
     /// Blend window of sin(angle) in units of diameter / sampling length.
     pub window: [f64; 2],
+    /// Factor on the offsets in this step.
+    pub keep: f64,
 }
 
 impl Settings {
@@ -198,7 +200,7 @@ pub fn line_contact<L: Lane>(
 
     let w = weights(t, curve.range);
     let overlap = reach - distance;
-    let offset = L::from_fn(|l| states[l].offset).lower(overlap.upper(zero));
+    let offset = (L::from_fn(|l| states[l].offset) * L::splat(settings.keep)).lower(overlap.upper(zero));
     let ms = side.mass_at(t);
     let touch = Touch {
         stiffness,
@@ -263,7 +265,7 @@ pub fn point_contact<L: Lane>(
     let stiffness = L::splat(settings.point_stiffness) * weight;
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
-    let offset = L::from_fn(|l| states[l].offset).lower(overlap.upper(L::splat(0.0)));
+    let offset = (L::from_fn(|l| states[l].offset) * L::splat(settings.keep)).lower(overlap.upper(L::splat(0.0)));
     let (ma, mb) = (a.mass_at(s), b.mass_at(t));
     let touch = Touch {
         stiffness,

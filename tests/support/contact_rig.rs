@@ -31,6 +31,7 @@ pub fn settings(line_stiffness: f64, point_stiffness: f64) -> Settings {
         line_stiffness,
         point_stiffness,
         window: [0.10, 0.25],
+        keep: 1.0,
     }
 }
 

@@ -7,4 +7,5 @@ pub mod plot;
 pub mod render;
 pub mod sampling;
 pub mod summary;
+pub mod timing;
 pub mod vtp;

@@ -45,6 +45,9 @@ impl<E: Element<N>, const N: usize> EndMap<E, N> {
     }
 }
 
+/// Rows and stiffness of an axial spring on offer.
+pub type SpringOffer = ([u32; 2], AxialSpring);
+
 /// What one kind of element contributes at the last look: filled by `measure`, read by monitors.
 pub struct KindReport {
     /// Scene key of the kind.
@@ -53,23 +56,29 @@ pub struct KindReport {
     pub count: usize,
     /// Strain energy now.
     pub strain_energy: fn(&mut World) -> f64,
-    /// Adds the stiffness bounds to the rows, and notes the largest contributor of each row.
+    /// Adds the stiffness bounds to the rows.
     pub stiffness: fn(&mut World, &mut [StiffnessBound]),
     /// Section force of element `i`.
     pub section_force: fn(&mut World, usize) -> Option<SectionForce>,
     /// Rows of element `i`.
     pub rows: fn(&mut World, usize) -> Vec<u32>,
+    /// Axial springs that the elements offer, with their rows; `None` for elements without.
+    pub springs: fn(&mut World) -> Vec<Option<SpringOffer>>,
+    /// Tells the marked elements that their axial spring was taken.
+    pub release: fn(&mut World, &[bool]),
 }
 
 /// Reports of all kinds present in the model, in registration order.
 #[derive(Resource, Default)]
 pub struct KindReports(pub Vec<KindReport>);
 
-pub(crate) fn add_mass<E: Element<N>, const N: usize>(model: &Model, scaled: Option<f64>, out: &mut [NodeMass]) {
+pub(crate) fn add_mass<E: Element<N>, const N: usize>(model: &Model, out: &mut [(NodeMass, f64)]) {
     for (e, nodes) in model.elements::<E, N>() {
-        for (m, n) in e.mass(scaled).iter().zip(nodes) {
-            out[n.row()].mass += m.mass;
-            out[n.row()].inertia += m.inertia;
+        for (m, n) in e.mass().iter().zip(nodes) {
+            let (sum, length) = &mut out[n.row()];
+            sum.mass += m.mass;
+            sum.inertia += m.inertia;
+            *length = length.max(e.inertia_length());
         }
     }
 }
@@ -92,6 +101,8 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
         stiffness: stiffness::<E, N>,
         section_force: section_force::<E, N>,
         rows: element_rows::<E, N>,
+        springs: springs::<E, N>,
+        release: release::<E, N>,
     });
     if <E::Force as NodeForce>::ROTATIONS {
         cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
@@ -111,7 +122,7 @@ fn translational_forces<E: Element<N>, const N: usize>(
 ) {
     let (x, v) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
-    parallel::zip3(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+    parallel::zip3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
         let state = c.0.map(|r| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO });
         out.0 = e.internal_force(state);
     });
@@ -123,7 +134,7 @@ fn rotational_forces<E: Element<N>, const N: usize>(
 ) {
     let (x, v, q, w) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
-    parallel::zip3(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+    parallel::zip3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
         let state = c.0.map(|r| {
             let r = r as usize;
             NodeState { x: x[r].0, v: v[r].0, q: q[r].0, w: w[r].0 }
@@ -218,3 +229,24 @@ fn element_rows<E: Element<N>, const N: usize>(world: &mut World, index: usize) 
     let mut query = world.query::<(&E, &Connectivity<N>)>();
     query.iter(world).nth(index).map_or(Vec::new(), |(_, c)| c.0.to_vec())
 }
+
+fn springs<E: Element<N>, const N: usize>(world: &mut World) -> Vec<Option<SpringOffer>> {
+    let mut query = world.query::<(&E, &Connectivity<N>)>();
+    query.iter(world).map(|(e, c)| e.axial_spring().map(|s| ([c.0[0], c.0[1]], s))).collect()
+}
+
+fn release<E: Element<N>, const N: usize>(world: &mut World, taken: &[bool]) {
+    let mut query = world.query::<&mut E>();
+    for (mut e, taken) in query.iter_mut(world).zip(taken) {
+        if *taken {
+            e.release_axial();
+        }
+    }
+}
+
+/// A source of nodal stiffness that is not an element: adds its bounds to the rows.
+pub type StiffnessSource = fn(&mut World, &mut [StiffnessBound]);
+
+/// Stiffness that is not in elements (contacts, surfaces), with a name for the report of the limit.
+#[derive(Resource, Default)]
+pub struct StiffnessSources(pub Vec<(&'static str, StiffnessSource)>);

@@ -146,9 +146,14 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Clone + Sen
     /// used to balance displacements against rotations.
     fn stiffness_bound(&self, nodes: [NodeState; N], masses: [NodeMass; N]) -> [StiffnessBound; N];
 
-    /// Lumped mass and rotary inertia that the element gives to each node; `scaled` is the factor
-    /// of [`RotaryInertiaRule::Scaled`](crate::model::RotaryInertiaRule), `None` means physical.
-    fn mass(&self, scaled: Option<f64>) -> [NodeMass; N];
+    /// Lumped mass and physical rotary inertia that the element gives to each node.
+    fn mass(&self) -> [NodeMass; N];
+
+    /// Length L of [`RotaryInertiaRule::Scaled`](crate::model::RotaryInertiaRule): a node gets the
+    /// rotary inertia factor x (its whole mass) x L^2. Zero for kinds without rotations.
+    fn inertia_length(&self) -> f64 {
+        0.0
+    }
 
     /// The axial spring between the first two nodes that the implicit scheme may take over.
     fn axial_spring(&self) -> Option<AxialSpring> {

@@ -8,6 +8,8 @@ use bevy_ecs::prelude::*;
 /// and `strain` are evaluated at monitor steps.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyLedger {
+    /// Kinetic and strain energy at the start.
+    pub initial: f64,
     /// Work of loads, prescribed motions and body forces.
     pub external_work: f64,
     /// Kinetic energy at the last monitor step, with velocities at the time of the positions.
@@ -27,11 +29,11 @@ pub struct EnergyLedger {
 impl EnergyLedger {
     /// Work that is not accounted for (force x length).
     pub fn imbalance(&self) -> f64 {
-        self.external_work - (self.kinetic + self.strain + self.contact + self.friction + self.damping + self.axial)
+        self.initial + self.external_work - (self.kinetic + self.strain + self.contact + self.friction + self.damping + self.axial)
     }
     /// Imbalance relative to the largest term of the balance; zero while nothing has moved.
     pub fn balance_error(&self) -> f64 {
-        let scale = [self.external_work, self.kinetic, self.strain, self.contact].iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        let scale = [self.initial, self.external_work, self.kinetic, self.strain, self.contact].iter().fold(0.0f64, |m, e| m.max(e.abs()));
         if scale > 0.0 { self.imbalance() / scale } else { 0.0 }
     }
 }

@@ -75,8 +75,8 @@ pub struct Section {
     pub ga: f64,
     /// Mass per unit length (mass / length).
     pub mass: f64,
-    /// Mass moment per unit length that the scene prescribes (mass x length), if any.
-    pub inertia: Option<f64>,
+    /// Polar mass moment per unit length, rho I_p (mass x length).
+    pub inertia: f64,
 }
 
 impl Section {
@@ -92,13 +92,13 @@ impl Section {
             gj: shear * 2.0 * inertia,
             ga: f64::INFINITY,
             mass: material.density * area,
-            inertia: None,
+            inertia: material.density * area * 0.5 * axial * axial,
         }
     }
 }
 
 /// The shape in which a beam is free of stress.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub enum NaturalShape {
     /// The initial shape, curvature and twist included.
     #[default]
@@ -125,6 +125,17 @@ pub struct Chain {
     pub closed: bool,
 }
 
+impl Chain {
+    /// The node pairs of the elements, in order.
+    pub fn segments(&self) -> Vec<[NodeId; 2]> {
+        let mut pairs: Vec<_> = self.nodes.windows(2).map(|w| [w[0], w[1]]).collect();
+        if self.closed {
+            pairs.push([self.nodes[self.nodes.len() - 1], self.nodes[0]]);
+        }
+        pairs
+    }
+}
+
 /// Displacement and rotation components held at zero.
 #[derive(Clone, Debug)]
 pub struct Fixed {
@@ -147,7 +158,7 @@ pub enum AxialScheme {
 /// Rotary inertia of the nodes of beams.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RotaryInertiaRule {
-    /// J = factor x (mass of the half elements at the node) x (element length)^2. Free for an equilibrium.
+    /// J = factor x (mass of the node) x (length of its longest beam element)^2. Free for an equilibrium.
     Scaled(f64),
     /// J = rho I_p l / 2 per element end (or the section's own value): for torsional dynamics.
     Physical,

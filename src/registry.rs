@@ -130,8 +130,8 @@ pub struct ElementKind {
     pub along: fn(&Chain, &mut Build<'_>) -> Result<(), SpecError>,
     /// Number of elements of this kind in a model.
     pub count: fn(&Model) -> usize,
-    /// Adds masses to the nodes, by node id.
-    pub(crate) add_mass: fn(&Model, Option<f64>, &mut [crate::element::NodeMass]),
+    /// Adds masses to the nodes, by node id, and notes the largest inertia length.
+    pub(crate) add_mass: fn(&Model, &mut [(crate::element::NodeMass, f64)]),
     /// Spawns the elements and adds their systems.
     pub(crate) install: fn(&mut Install<'_>),
 }

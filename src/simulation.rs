@@ -52,6 +52,10 @@ pub enum SimulationError {
     },
 }
 
+/// What the user should know about how the model is run, in the order in which it was found.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Notes(pub Vec<String>);
+
 /// Set by a system that finds the run broken; the loop stops on it.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Failure(pub Option<String>);
@@ -83,6 +87,10 @@ impl NodeRows {
     }
 }
 
+/// Present when the nodes of the model have rotations.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct Rotations;
+
 /// The entities of the nodes, in row order.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct NodeEntities(pub Vec<Entity>);
@@ -112,6 +120,16 @@ impl Install<'_> {
         }
         *n += 1;
         self.schedule.add_systems(config);
+    }
+
+    /// True if the nodes of this model have rotations.
+    pub fn rotations(&self) -> bool {
+        self.world.contains_resource::<Rotations>()
+    }
+
+    /// Leaves a note for the user: something was done in another way than asked.
+    pub fn note(&mut self, text: String) {
+        self.world.get_resource_or_init::<Notes>().0.push(text);
     }
 
     /// Row of a node.
@@ -164,7 +182,7 @@ impl Simulation {
     pub fn build(&mut self, model: &Model) -> Result<(), SimulationError> {
         self.spawn_nodes(model)?;
         self.world.insert_resource(Failure::default());
-        self.world.insert_resource(Clock { time: 0.0, step: 0, dt: 0.0, dt_kick: 0.0, dt_limit: f64::INFINITY, limited_by: String::new() });
+        self.world.insert_resource(Clock { dt_limit: f64::INFINITY, ..Default::default() });
         let mut slots = [0; 10];
         let mut install = Install { world: &mut self.world, model, schedule: &mut self.schedule, slots: &mut slots };
         // Loads and clearing come first in the assembly, so installers run before the elements
@@ -210,17 +228,26 @@ impl Simulation {
             rows.rows[i] = rows.rows[n];
         }
 
-        let rule = model.integration.rotary_inertia;
-        let scaled = if let RotaryInertiaRule::Scaled(f) = rule { Some(f) } else { None };
-        let mut by_node: Vec<NodeMass> = model.nodes.iter().map(|n| NodeMass { mass: n.added_mass, inertia: n.added_inertia }).collect();
+        let mut by_node: Vec<(NodeMass, f64)> =
+            model.nodes.iter().map(|n| (NodeMass { mass: n.added_mass, inertia: n.added_inertia }, 0.0)).collect();
         for kind in &self.registry.elements {
-            (kind.add_mass)(model, scaled, &mut by_node);
+            (kind.add_mass)(model, &mut by_node);
         }
         let mut masses = vec![NodeMass::default(); rows.len()];
-        for (i, m) in by_node.iter().enumerate() {
+        let mut lengths = vec![0.0f64; rows.len()];
+        for (i, (m, length)) in by_node.iter().enumerate() {
             let r = rows.rows[i] as usize;
             masses[r].mass += m.mass;
             masses[r].inertia += m.inertia;
+            lengths[r] = lengths[r].max(*length);
+        }
+        if let RotaryInertiaRule::Scaled(factor) = model.integration.rotary_inertia {
+            for (i, m) in masses.iter_mut().enumerate() {
+                if lengths[i] > 0.0 {
+                    let added = model.nodes[rows.ids[i].row()].added_inertia;
+                    m.inertia = added + factor * m.mass * lengths[i] * lengths[i];
+                }
+            }
         }
         let mut held = vec![[false; 6]; rows.len()];
         for f in &model.fixed {
@@ -233,6 +260,9 @@ impl Simulation {
         }
         let inverse = |m: f64, held: &[bool]| DVec3::from_array(std::array::from_fn(|k| if held[k] || m <= 0.0 { 0.0 } else { 1.0 / m }));
         let rotations = self.registry.elements.iter().any(|k| k.rotations && (k.count)(model) > 0);
+        if rotations {
+            self.world.insert_resource(Rotations);
+        }
         let entities: Vec<Entity> = if rotations {
             let bundles: Vec<_> = (0..rows.len())
                 .map(|r| {
@@ -274,6 +304,12 @@ impl Simulation {
         self.world.insert_resource(NodeEntities(entities));
         self.world.insert_resource(rows);
         Ok(())
+    }
+
+    /// Takes the energies of the current state now, outside the monitor steps.
+    pub fn refresh_energies(&mut self) {
+        self.world.resource_mut::<crate::systems::energy::LookNow>().0 = true;
+        crate::systems::energy::take_energies(&mut self.world);
     }
 
     /// One time step.

@@ -15,7 +15,7 @@
 //!
 //! Central differences: x is known at t_n, v at the half steps. The step starts by moving to the
 //! next position with the known velocity, computes every force there, and ends with the velocity
-//! of the following half step. Variable steps use dt_kick = (dt_before + dt_after) / 2.
+//! of the following half step. Variable steps use (dt_before + dt_after) / 2 in the kick.
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
 
@@ -65,18 +65,28 @@ impl StepSet {
 pub struct TimeStep;
 
 /// Time and time step.
-#[derive(Resource, Clone, Debug, PartialEq)]
+#[derive(Resource, Clone, Debug, PartialEq, Default)]
 pub struct Clock {
     /// Time of the current positions.
     pub time: f64,
     /// Completed steps.
     pub step: u64,
-    /// Step with which the positions move next (time).
+    /// Step with which the positions have moved last (zero in the starting pass).
     pub dt: f64,
-    /// Step with which the velocities are kicked: the mean of the steps before and after (time).
-    pub dt_kick: f64,
+    /// Step with which the positions move next.
+    pub dt_next: f64,
+    /// Step wanted from then on; set by the time-step monitor.
+    pub dt_target: f64,
     /// Stable limit found last, without the safety factor (time).
     pub dt_limit: f64,
     /// What sets the limit.
     pub limited_by: String,
+}
+
+impl Clock {
+    /// Step with which the velocities are kicked: the mean of the steps before and after.
+    #[inline]
+    pub fn kick(&self) -> f64 {
+        0.5 * (self.dt + self.dt_next)
+    }
 }

@@ -1,5 +1,28 @@
 //! The physics: one file per system, all written against the prelude.
 use braid_ecs::prelude::*;
 
-/// The first-party systems; this order is the order of assembly.
-pub fn default_plugins(_sim: &mut Simulation) {}
+pub mod axial_implicit;
+pub mod beam;
+pub mod bending;
+pub mod boundary;
+pub mod constraint;
+pub mod energy;
+pub mod integration;
+pub mod load;
+pub mod time_step;
+pub mod truss;
+
+/// The first-party systems. The order is the order of the sums: loads, elements, then the rest
+/// inside each set of the step.
+pub fn default_plugins(sim: &mut Simulation) {
+    load::plugin(sim);
+    truss::plugin(sim);
+    beam::plugin(sim);
+    bending::plugin(sim);
+    constraint::plugin(sim);
+    integration::plugin(sim);
+    boundary::plugin(sim);
+    axial_implicit::plugin(sim);
+    energy::plugin(sim);
+    time_step::plugin(sim);
+}

@@ -1,0 +1,92 @@
+//! The stable time step of central differences: dt < 2 / omega_max.
+//!
+//! Every element, contact and surface gives a bound on its tangent stiffness, K_e <= diag(kappa_e). With the
+//! sum kappa and lumped masses M the largest frequency satisfies omega^2 <= max_i kappa_i / M_i (Gershgorin
+//! discs of M^-1 K; T. Belytschko, W. K. Liu, B. Moran, *Nonlinear Finite Elements for Continua and
+//! Structures* (2000), section 6.2), also after constraints are eliminated. A uniform chain of
+//! bars meets the bound exactly: dt = l / c.
+use braid_ecs::prelude::*;
+
+/// Registers the time-step monitor.
+pub fn plugin(sim: &mut Simulation) {
+    sim.add_installer("time step", install);
+}
+
+/// How the time step follows its limit.
+#[derive(Resource, Clone, Copy, Debug)]
+struct StepRule {
+    safety: f64,
+    fixed: bool,
+    every: u64,
+}
+
+fn install(cx: &mut Install<'_>) {
+    let i = &cx.model.integration;
+    // Linear bulk viscosity b lowers the limit to sqrt(1 + b^2) - b.
+    let viscosity = (1.0 + i.bulk_viscosity * i.bulk_viscosity).sqrt() - i.bulk_viscosity;
+    cx.world.insert_resource(StepRule { safety: i.safety * viscosity, fixed: i.dt.is_some(), every: u64::from(i.monitor_every.max(1)) });
+    cx.add_system(StepSet::Monitor, follow_limit);
+}
+
+fn follow_limit(world: &mut World) {
+    let rule = *world.resource::<StepRule>();
+    let step = world.resource::<Clock>().step;
+    if step == 0 || !step.is_multiple_of(rule.every) || world.resource::<Failure>().0.is_some() {
+        return;
+    }
+    let (limit, by) = stable_limit(world);
+    let mut clock = world.resource_mut::<Clock>();
+    clock.dt_limit = limit;
+    clock.limited_by = by;
+    let wanted = rule.safety * limit;
+    if !rule.fixed && wanted.is_finite() && (wanted < clock.dt_target || wanted > 1.05 * clock.dt_target) {
+        clock.dt_target = wanted;
+    }
+}
+
+/// The stable limit now (time) and the name of what sets it.
+pub fn stable_limit(world: &mut World) -> (f64, String) {
+    let mut masses = world.query::<(&Mass, Option<&RotaryInertia>)>();
+    let masses: Vec<(f64, f64)> = masses.iter(world).map(|(m, j)| (m.0, j.map_or(0.0, |j| j.0))).collect();
+    let zero = vec![StiffnessBound::default(); masses.len()];
+    let mut parts: Vec<(String, Vec<StiffnessBound>)> = Vec::new();
+    if let Some(kinds) = world.remove_resource::<KindReports>() {
+        for k in &kinds.0 {
+            let mut part = zero.clone();
+            (k.stiffness)(world, &mut part);
+            parts.push((k.name.to_string(), part));
+        }
+        world.insert_resource(kinds);
+    }
+    if let Some(sources) = world.remove_resource::<StiffnessSources>() {
+        for (name, source) in &sources.0 {
+            let mut part = zero.clone();
+            source(world, &mut part);
+            parts.push(((*name).to_string(), part));
+        }
+        world.insert_resource(sources);
+    }
+    let mut worst = (0.0f64, 0usize, false);
+    for (row, (m, j)) in masses.iter().enumerate() {
+        let (mut translation, mut rotation) = (0.0, 0.0);
+        for (_, p) in &parts {
+            translation += p[row].translation;
+            rotation += p[row].rotation;
+        }
+        if *m > 0.0 && translation / m > worst.0 {
+            worst = (translation / m, row, false);
+        }
+        if *j > 0.0 && rotation / j > worst.0 {
+            worst = (rotation / j, row, true);
+        }
+    }
+    if worst.0 == 0.0 {
+        return (f64::INFINITY, "nothing".into());
+    }
+    let (omega2, row, rotates) = worst;
+    let share = |p: &StiffnessBound| if rotates { p.rotation } else { p.translation };
+    let name = parts.iter().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str());
+    let id = world.resource::<NodeRows>().id(row);
+    let how = if rotates { " (rotation)" } else { "" };
+    (2.0 / omega2.sqrt(), format!("{name}{how} at node {}", id.0))
+}

@@ -1,0 +1,169 @@
+//! Whole models against closed forms.
+use braid_ecs::model::RotaryInertiaRule;
+use braid_ecs::prelude::*;
+use braid_ecs::run::{self, Blind, Status};
+use braid_ecs::systems::default_plugins;
+use std::collections::BTreeMap;
+
+fn build_chain(model: &mut Model, kind: &str, points: impl Iterator<Item = DVec3>, section: Section, natural: NaturalShape) -> Vec<NodeId> {
+    let nodes: Vec<NodeId> = points.map(|p| model.add_node(p)).collect();
+    let sim = Simulation::new(default_plugins);
+    let (materials, sections) = (BTreeMap::new(), BTreeMap::new());
+    let chain = Chain { nodes: nodes.clone(), section, natural, orientation: None, closed: false };
+    let mut build = Build { model, materials: &materials, sections: &sections };
+    (sim.registry.element(kind).expect("registered").along)(&chain, &mut build).expect("a valid chain");
+    nodes
+}
+
+fn simulate(model: &Model) -> (Simulation, Status) {
+    let mut sim = Simulation::new(default_plugins);
+    sim.build(model).expect("a sound model");
+    let status = run::run(&mut sim, model, f64::INFINITY, &mut Blind).expect("a stable run");
+    (sim, status)
+}
+
+fn position(sim: &mut Simulation, node: NodeId) -> DVec3 {
+    node_states(&mut sim.world)[sim.world.resource::<NodeRows>().of(node)].x
+}
+
+/// Tip of a cantilever of unit length and EI under a transverse dead force alpha EI / L^2, at rest.
+fn cantilever(elements: usize, alpha: f64, axial: AxialScheme) -> DVec3 {
+    let mut m = Model::new("cantilever");
+    let section = Section { ea: 1e6, ei: [1.0, 1.0], gj: 0.8, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let nodes =
+        build_chain(&mut m, "beam", (0..=elements).map(|i| DVec3::X * (i as f64 / elements as f64)), section, NaturalShape::AsBuilt);
+    m.fix(nodes[0], &Dof::ALL);
+    let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 4.0 });
+    m.loads.push(NodalLoad { node: nodes[elements], force: DVec3::Y * alpha, moment: DVec3::ZERO, follower: false, amplitude: ramp });
+    m.integration.axial = axial;
+    m.integration.damping = Damping::Mass(4.0);
+    m.stop.time = Some(20.0);
+    let (mut sim, _) = simulate(&m);
+    let ledger = *sim.world.resource::<EnergyLedger>();
+    assert!(ledger.balance_error().abs() < 0.01, "{ledger:?}");
+    position(&mut sim, nodes[elements])
+}
+
+#[test]
+fn cantilever_follows_the_elastica() {
+    // Bisshopp and Drucker 1945 by elliptic integrals: alpha = 5: u/L = 0.38762836072, w/L = 0.71379152361.
+    let (u, w) = (0.38762836072, 0.71379152361);
+    for axial in [AxialScheme::Explicit, AxialScheme::Implicit] {
+        let error = |n| {
+            let tip = cantilever(n, 5.0, axial);
+            ((1.0 - tip.x - u).abs() / u).max((tip.y - w).abs() / w)
+        };
+        let (coarse, fine) = (error(8), error(16));
+        assert!(fine < 3e-3, "{axial:?}: {fine}");
+        let order = (coarse / fine).log2();
+        assert!(order > 1.6, "{axial:?}: order {order}, errors {coarse} {fine}");
+    }
+}
+
+#[test]
+fn end_moment_rolls_a_beam_into_a_circle() {
+    let n = 10;
+    let mut m = Model::new("roll-up");
+    let section = Section { ea: 1e4, ei: [1.0, 1.0], gj: 1.0, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let nodes = build_chain(&mut m, "beam", (0..=n).map(|i| DVec3::X * (i as f64 / n as f64)), section, NaturalShape::AsBuilt);
+    m.fix(nodes[0], &Dof::ALL);
+    let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 4.0 });
+    let moment = DVec3::Z * std::f64::consts::TAU;
+    m.loads.push(NodalLoad { node: nodes[n], force: DVec3::ZERO, moment, follower: false, amplitude: ramp });
+    m.integration.damping = Damping::Mass(6.0);
+    m.stop.time = Some(20.0);
+    let (mut sim, _) = simulate(&m);
+    // Constant curvature is exact for this element: the polygon closes.
+    assert!(position(&mut sim, nodes[n]).length() < 1e-4);
+}
+
+#[test]
+fn implicit_bar_keeps_the_exact_stiffness() {
+    let mut m = Model::new("bar");
+    let section = Section { ea: 100.0, ei: [0.0; 2], gj: 0.0, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let nodes = build_chain(&mut m, "truss", (0..=7).map(|i| DVec3::X * f64::from(i)), section, NaturalShape::AsBuilt);
+    m.fix(nodes[0], &Dof::ALL[..3]);
+    let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 20.0 });
+    m.loads.push(NodalLoad { node: nodes[7], force: DVec3::X * 3.0, moment: DVec3::ZERO, follower: false, amplitude: ramp });
+    m.integration.dt = Some(0.5);
+    m.integration.damping = Damping::Mass(0.5);
+    m.stop.time = Some(120.0);
+    let (mut sim, _) = simulate(&m);
+    let stretch = position(&mut sim, nodes[7]).x - 7.0;
+    assert!((stretch - 0.21).abs() < 1e-8, "{stretch}");
+    let ledger = *sim.world.resource::<EnergyLedger>();
+    assert!(ledger.balance_error().abs() < 5e-3, "{ledger:?}");
+}
+
+/// A stretched chain that runs through a periodic face, closed by a dummy node under a force.
+fn periodic_chain(axial: AxialScheme, loaded: f64) -> (f64, f64) {
+    let n = 6;
+    let mut m = Model::new("periodic chain");
+    let section = Section { ea: 10.0, ei: [0.0; 2], gj: 0.0, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let nodes = build_chain(&mut m, "truss", (0..=n).map(|i| DVec3::X * f64::from(i)), section, NaturalShape::AsBuilt);
+    let dummy = m.add_node(DVec3::X * f64::from(n));
+    m.nodes[dummy.row()].dummy = true;
+    m.fix(dummy, &[Dof::Uy, Dof::Uz]);
+    m.fix(nodes[0], &[Dof::Uy, Dof::Uz]);
+    m.periodic.push(PeriodicPair { node: nodes[0], image: nodes[n as usize], dummies: vec![dummy] });
+    let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 10.0 });
+    m.loads.push(NodalLoad { node: dummy, force: DVec3::X * loaded, moment: DVec3::ZERO, follower: false, amplitude: ramp });
+    m.integration.axial = axial;
+    m.integration.damping = Damping::Mass(1.0);
+    m.integration.dt = Some(0.05);
+    m.stop.time = Some(60.0);
+    let (mut sim, _) = simulate(&m);
+    let ledger = *sim.world.resource::<EnergyLedger>();
+    assert!(ledger.balance_error().abs() < 5e-3, "{ledger:?}");
+    (position(&mut sim, dummy).x, position(&mut sim, nodes[n as usize]).x - position(&mut sim, nodes[0]).x)
+}
+
+#[test]
+fn period_of_a_chain_follows_its_force() {
+    for axial in [AxialScheme::Explicit, AxialScheme::Implicit] {
+        let (period, span) = periodic_chain(axial, 2.0);
+        assert!((period - 6.0 * 1.2).abs() < 1e-6, "{axial:?}: {period}");
+        assert!((span - period).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn rotary_inertia_does_not_change_an_equilibrium() {
+    let tip = |factor| {
+        let mut m = Model::new("cantilever");
+        let section = Section { ea: 1e3, ei: [1.0, 1.0], gj: 0.8, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+        let nodes = build_chain(&mut m, "beam", (0..=6).map(|i| DVec3::X * (f64::from(i) / 6.0)), section, NaturalShape::AsBuilt);
+        m.fix(nodes[0], &Dof::ALL);
+        m.loads.push(NodalLoad { node: nodes[6], force: DVec3::Y * 2.0, moment: DVec3::ZERO, follower: false, amplitude: 0 });
+        m.integration.rotary_inertia = RotaryInertiaRule::Scaled(factor);
+        m.integration.damping = Damping::Mass(4.0);
+        m.stop.time = Some(30.0);
+        let (mut sim, _) = simulate(&m);
+        position(&mut sim, nodes[6])
+    };
+    assert!((tip(0.2) - tip(1.0)).length() < 1e-9);
+}
+
+#[test]
+fn lever_equation_divides_force_and_mass() {
+    // u2 = r u1 with springs to ground, static force on mass 2: u1 = r F / (k1 + r^2 k2).
+    let (r, k1, k2, f) = (-1.5, 50.0, 10.0, 3.0);
+    let mut m = Model::new("lever");
+    let bar = |k: f64| Section { ea: k, ei: [0.0; 2], gj: 0.0, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let a = build_chain(&mut m, "truss", [DVec3::ZERO, DVec3::X].into_iter(), bar(k1), NaturalShape::AsBuilt);
+    let b = build_chain(&mut m, "truss", [DVec3::Y, DVec3::Y + DVec3::X].into_iter(), bar(k2), NaturalShape::AsBuilt);
+    for (n, dofs) in [(a[0], &Dof::ALL[..3]), (b[0], &Dof::ALL[..3]), (a[1], &Dof::ALL[1..3]), (b[1], &Dof::ALL[1..3])] {
+        m.fix(n, dofs);
+    }
+    m.equations.push(Equation {
+        terms: vec![Term { coefficient: 1.0, node: b[1], dof: Dof::Ux }, Term { coefficient: -r, node: a[1], dof: Dof::Ux }],
+        constant: 0.0,
+    });
+    m.loads.push(NodalLoad { node: b[1], force: DVec3::X * f, moment: DVec3::ZERO, follower: false, amplitude: 0 });
+    m.integration.damping = Damping::Mass(8.0);
+    m.stop.time = Some(30.0);
+    let (mut sim, _) = simulate(&m);
+    let u1 = position(&mut sim, a[1]).x - 1.0;
+    let expected = r * f / (k1 + r * r * k2);
+    assert!((u1 - expected).abs() < 1e-8, "{u1} {expected}");
+}

@@ -10,6 +10,7 @@ pub mod components;
 pub mod element;
 pub mod generate;
 pub mod ledger;
+pub mod measure;
 pub mod model;
 pub mod output;
 pub mod parallel;

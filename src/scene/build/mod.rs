@@ -2,6 +2,7 @@
 //! that needs no run. Several problems are reported together.
 mod check;
 mod elements;
+mod generators;
 mod loads;
 mod material;
 mod run;
@@ -11,9 +12,11 @@ use super::error::Problem;
 use super::schema::{NodeRef, Scene};
 use super::spans::{Path, Value};
 use crate::components::NodeId;
+use crate::generate::BraidLayout;
 use crate::model::{Material, Model, Section};
 use crate::registry::{Build, Registry, SpecError};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Builds the model of a scene; automatic values of the scene are filled in.
 pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry) -> Result<Model, Vec<Problem>> {
@@ -25,18 +28,24 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         materials: BTreeMap::new(),
         sections: BTreeMap::new(),
         groups: BTreeMap::new(),
+        sources: Vec::new(),
+        braid: None,
         amplitudes: BTreeMap::new(),
+        time_scale: None,
         problems: Vec::new(),
     };
     b.add_materials(scene);
     b.add_amplitudes(scene);
     b.add_nodes(scene);
-    b.add_polylines(scene);
+    b.add_generators(scene);
     b.add_elements(scene);
     b.add_node_values(scene);
     b.add_filaments(scene);
     b.add_constraints(scene);
     b.add_loads(scene);
+    if b.problems.is_empty() {
+        b.add_period_load(scene);
+    }
     b.add_run(scene);
     // What follows looks at the finished model; half a model would only give wrong messages.
     if b.problems.is_empty() {
@@ -55,7 +64,13 @@ struct Builder<'a> {
     sections: BTreeMap<String, Section>,
     /// Names that stand for several nodes.
     groups: BTreeMap<String, Vec<NodeId>>,
+    /// Where filaments come from: the entry of the scene and the filaments of the model it has made.
+    sources: Vec<(Path, Range<usize>)>,
+    /// The generated braid.
+    braid: Option<BraidLayout>,
     amplitudes: BTreeMap<String, usize>,
+    /// The time tF of a load along a period, and its dummy node.
+    time_scale: Option<(f64, NodeId)>,
     problems: Vec<Problem>,
 }
 

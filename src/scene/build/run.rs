@@ -1,11 +1,75 @@
 //! Damping, time integration and the end of the run.
 use super::{Builder, at};
+use crate::amplitude::Amplitude;
+use crate::components::{NodalLoad, NodeId};
 use crate::model::{AxialScheme, Damping, Integration, RotaryInertiaRule, Steady, Stop};
 use crate::scene::error::Problem;
 use crate::scene::schema::{AxialSpec, DampingSpec, RotaryInertiaSpec, Scene, SteadySpec, StopSpec};
+use crate::scene::units::{Length, Rate, Time};
+use glam::DVec3;
 
 impl Builder<'_> {
+    /// The load along the period, and with it the time scale tF = sqrt(mass x stroke / force): with
+    /// mass damping 1/tF and the force raised over 2 tF a braid closes without overshoot.
+    pub(super) fn add_period_load(&mut self, scene: &mut Scene) {
+        let Some(load) = &mut scene.load else { return };
+        let path = at("load");
+        if !self.above_zero(path.key("force"), "the force along the period", load.force.0) {
+            return;
+        }
+        let dummies: Vec<NodeId> = (0..self.model.nodes.len()).filter(|i| self.model.nodes[*i].dummy).map(|i| NodeId(i as u32)).collect();
+        let node = match (&load.node, dummies.as_slice()) {
+            (Some(name), _) => self.node(&path.key("node"), name),
+            (None, [one]) => Some(*one),
+            (None, []) => {
+                self.problems.push(
+                    Problem::new(path.clone(), "`load` pulls along the period, and nothing in the scene is periodic")
+                        .help("use `loads` for forces on nodes"),
+                );
+                None
+            }
+            (None, several) => {
+                let names: Vec<String> = several.iter().map(|n| self.name_of(*n)).collect();
+                self.problem(path.clone(), format!("`load` needs `node`: there are several dummy nodes: {}", names.join(", ")));
+                None
+            }
+        };
+        let Some(node) = node else { return };
+        if !self.model.nodes[node.row()].dummy {
+            self.problem(path.key("node"), format!("node {} is not a dummy node", self.name_of(node)));
+            return;
+        }
+        let period = self.model.nodes[node.row()].position;
+        let stroke = *load.stroke.get_or_insert(Length(match &self.braid {
+            Some(b) if b.dummy == node => b.arc_length - b.cell_length,
+            _ => 0.1 * period.length(),
+        }));
+        let mass: f64 = self.masses().iter().sum();
+        if !self.above_zero(path.key("stroke"), "the stroke of the load", stroke.0) {
+            return;
+        }
+        let scale = (mass * stroke.0 / load.force.0).sqrt();
+        let rise = *load.rise.get_or_insert(Time(2.0 * scale));
+        self.not_negative(path.key("rise"), "the rise of the load", rise.0);
+        let amplitude = self.model.add_amplitude(Amplitude::SmoothStep { rise: rise.0 });
+        let force = period.normalize_or_zero() * load.force.0;
+        self.model.loads.push(NodalLoad { node, force, moment: DVec3::ZERO, follower: false, amplitude });
+        self.time_scale = Some((scale, node));
+    }
+
     pub(super) fn add_run(&mut self, scene: &mut Scene) {
+        if let Some((scale, _)) = self.time_scale {
+            if matches!(scene.damping, None | Some(DampingSpec::Auto)) {
+                scene.damping = Some(DampingSpec::Mass(Rate(1.0 / scale)));
+            }
+            if scene.stop == StopSpec::default() {
+                scene.stop = StopSpec { time: Some(Time(100.0 * scale)), steps: None, steady: Some(SteadySpec::default()) };
+            }
+            if let Some(steady) = &mut scene.stop.steady {
+                steady.interval.get_or_insert(Time(scale));
+                steady.earliest.get_or_insert(Time(12.0 * scale));
+            }
+        }
         let spec = &scene.integration;
         let safety = spec.safety.0;
         if !(safety > 0.0 && safety < 1.0) {
@@ -30,7 +94,7 @@ impl Builder<'_> {
             }
             DampingSpec::Auto => {
                 self.problems.push(
-                    Problem::new(at("damping"), "automatic damping needs a braid under a force")
+                    Problem::new(at("damping"), "automatic damping needs `load`: a force along the period")
                         .help("give the rate: Mass(120), with 1/rate about the slowest time of the problem"),
                 );
                 Damping::None
@@ -79,10 +143,11 @@ impl Builder<'_> {
                 }
                 Some(node)
             }
-            None => (0..self.model.nodes.len()).find(|i| self.model.nodes[*i].dummy).map(|i| crate::components::NodeId(i as u32)),
+            None if self.time_scale.is_some() => self.time_scale.map(|t| t.1),
+            None => (0..self.model.nodes.len()).find(|i| self.model.nodes[*i].dummy).map(|i| NodeId(i as u32)),
         };
         let Some(interval) = spec.interval else {
-            self.problem(path, "the interval of the steady state is missing: only braids under a force know their own time");
+            self.problem(path, "the interval of the steady state is missing: only structures under `load` know their own time");
             return None;
         };
         self.above_zero(path.key("interval"), "the interval of the steady state", interval.0);

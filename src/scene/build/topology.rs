@@ -1,9 +1,9 @@
-//! Nodes, curves, contact surfaces, constraints.
+//! Nodes, contact surfaces, constraints.
 use super::{Builder, at};
 use crate::components::{Equation, NodeId, PeriodicPair, Term, Tie};
-use crate::model::{Chain, Filament, NaturalShape, Node};
+use crate::model::{Filament, Node};
 use crate::registry::SpecError;
-use crate::scene::schema::{NaturalSpec, PairSpec, PolylineSpec, Scene};
+use crate::scene::schema::{PairSpec, Scene};
 use crate::scene::spans::Path;
 use crate::scene::units::Point;
 use glam::DVec3;
@@ -42,89 +42,6 @@ impl Builder<'_> {
         }
     }
 
-    pub(super) fn add_polylines(&mut self, scene: &Scene) {
-        for (i, line) in scene.polylines.iter().enumerate() {
-            let path = at("polylines").index(i);
-            let name = line.name.clone().unwrap_or_else(|| format!("line{i}"));
-            if self.groups.contains_key(&name) || self.model.node_names.contains_key(&name) {
-                self.problem(path.key("name"), format!("the name `{name}` is taken"));
-                continue;
-            }
-            self.add_polyline(&path, &name, line);
-        }
-    }
-
-    fn add_polyline(&mut self, path: &Path, name: &str, line: &PolylineSpec) {
-        let corners: Vec<DVec3> = line.points.iter().map(vector).collect();
-        if corners.len() < 2 {
-            self.problem(path.key("points"), format!("a polyline needs at least two points, {} given", corners.len()));
-            return;
-        }
-        for i in 1..corners.len() {
-            if corners[i] == corners[i - 1] {
-                self.problem(
-                    path.key("points").index(i),
-                    format!("zero-length element: points {} and {i} of polyline `{name}` are the same", i - 1),
-                );
-                return;
-            }
-        }
-        if line.elements == Some(0) {
-            self.problem(path.key("elements"), "a polyline has at least one element");
-            return;
-        }
-        let points = match line.elements {
-            Some(n) => spread(&corners, n as usize, line.closed),
-            None => corners,
-        };
-        let nodes: Vec<NodeId> = points.iter().map(|p| self.model.add_node(*p)).collect();
-        for (i, n) in nodes.iter().enumerate() {
-            self.model.node_names.insert(format!("{name}[{i}]"), *n);
-        }
-        self.groups.insert(name.to_string(), nodes.clone());
-        if let Some(radius) = line.radius
-            && self.above_zero(path.key("radius"), &format!("contact radius of polyline `{name}`"), radius.0)
-        {
-            let index = self.model.filaments.iter().filter(|f| f.tow == line.tow).count();
-            self.model.filaments.push(Filament {
-                nodes: nodes.clone(),
-                radius: radius.0,
-                tow: line.tow,
-                index,
-                closed: line.closed,
-                contact: line.contact,
-            });
-        }
-        match (&line.element, &line.section) {
-            (Some(element), Some(section)) => self.follow(path, line, nodes.clone(), element, section),
-            (Some(_), None) => self.problem(path.key("element"), format!("polyline `{name}` has elements but no section")),
-            (None, Some(_)) => self.problem(path.key("section"), format!("polyline `{name}` has a section but no kind of element")),
-            (None, None) => {}
-        }
-        if let Some(embedded) = &line.embedded {
-            let inner: Vec<NodeId> = points.iter().map(|p| self.model.add_node(*p)).collect();
-            self.model.ties.extend(inner.iter().zip(&nodes).map(|(embedded, host)| Tie { embedded: *embedded, host: *host }));
-            self.follow(&path.key("embedded"), line, inner, &embedded.element, &embedded.section);
-        }
-    }
-
-    /// Puts elements along the nodes of a polyline; `path` has the fields `element` and `section`.
-    fn follow(&mut self, path: &Path, line: &PolylineSpec, nodes: Vec<NodeId>, element: &str, section: &str) {
-        let kind = self.registry.element(element).copied();
-        let names = self.registry.elements.iter().map(|k| k.name);
-        let kind = kind.ok_or_else(|| SpecError::unknown("element", "kind of element", element, names));
-        let section = self.with_build(|b| b.section("section", section));
-        let (Some(kind), Some(section)) = (self.noted(path, kind), self.noted(path, section)) else { return };
-        let natural = match line.natural {
-            NaturalSpec::AsBuilt => NaturalShape::AsBuilt,
-            NaturalSpec::Straight { twist } => NaturalShape::Straight { twist: twist.0 },
-        };
-        let orientation = line.orientation.map(|o| DVec3::from_array(o.map(f64::from)));
-        let chain = Chain { nodes, section, natural, orientation, closed: line.closed };
-        let along = self.with_build(|b| (kind.along)(&chain, b));
-        self.noted(path, along);
-    }
-
     pub(super) fn add_node_values(&mut self, scene: &Scene) {
         for (i, m) in scene.node_masses.iter().enumerate() {
             let path = at("node_masses").index(i);
@@ -159,6 +76,8 @@ impl Builder<'_> {
                 continue;
             }
             let index = self.model.filaments.iter().filter(|g| g.tow == f.tow).count();
+            let number = self.model.filaments.len();
+            self.sources.push((path, number..number + 1));
             self.model.filaments.push(Filament { nodes, radius: f.radius.0, tow: f.tow, index, closed: false, contact: f.contact });
         }
     }
@@ -281,44 +200,5 @@ impl Builder<'_> {
             self.problem(at("periodic.matching"), format!("no node has an image one period away (within {tolerance:e})"));
         }
         self.model.periodic.extend(pairs);
-    }
-}
-
-/// Points at equal distances along the corners: one more than `n`, or as many on a closed line.
-fn spread(corners: &[DVec3], n: usize, closed: bool) -> Vec<DVec3> {
-    let mut corners = corners.to_vec();
-    if closed {
-        corners.push(corners[0]);
-    }
-    let lengths: Vec<f64> = corners.windows(2).map(|w| w[0].distance(w[1])).collect();
-    let total: f64 = lengths.iter().sum();
-    let (mut segment, mut start) = (0, 0.0);
-    let mut points: Vec<DVec3> = (0..n)
-        .map(|i| {
-            let s = total * i as f64 / n as f64;
-            while segment + 1 < lengths.len() && s > start + lengths[segment] {
-                start += lengths[segment];
-                segment += 1;
-            }
-            corners[segment].lerp(corners[segment + 1], (s - start) / lengths[segment])
-        })
-        .collect();
-    if !closed {
-        points.extend(corners.last());
-    }
-    points
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_are_spread_over_corners() {
-        let corners = [DVec3::ZERO, DVec3::X * 3.0, DVec3::new(3.0, 1.0, 0.0)];
-        let p = spread(&corners, 4, false);
-        assert_eq!(p, [DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::X * 3.0, DVec3::new(3.0, 1.0, 0.0)]);
-        let ring = spread(&[DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], 8, true);
-        assert_eq!((ring.len(), ring[7]), (8, DVec3::Y * 0.5));
     }
 }

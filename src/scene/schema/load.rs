@@ -92,6 +92,25 @@ impl PrescribedSpec {
     }
 }
 
+/// Force along the period vector of a periodic structure, raised smoothly. It sets the time scale
+/// tF = sqrt(mass x stroke / force) of automatic damping and of the steady state.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PeriodLoadSpec {
+    /// Force along the period vector (force), above zero to pull.
+    pub force: Force,
+    /// The dummy node. Default: the only one.
+    #[serde(default)]
+    pub node: Option<NodeRef>,
+    /// Duration of the rise from zero (time). Default 2 tF.
+    #[serde(default)]
+    pub rise: Option<Time>,
+    /// Way that the force travels, only for the time scale (length). Default for a braid: arc length of
+    /// a tow less length of the cell; else a tenth of the period.
+    #[serde(default)]
+    pub stroke: Option<Length>,
+}
+
 /// Force and moment on nodes: amplitude(t) x value.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

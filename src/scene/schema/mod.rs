@@ -12,6 +12,8 @@ pub use material::*;
 pub use run::*;
 pub use topology::*;
 
+pub use crate::generate::{BraidSpec, BundleSpec, PolylineSpec, StrandSpec, TowSpec};
+
 use super::units::UnitSystem;
 use ron::value::RawValue;
 use serde::{Deserialize, Serialize};
@@ -61,7 +63,19 @@ pub struct Scene {
     /// Velocities at the start.
     #[serde(default)]
     pub initial_velocity: Vec<InitialVelocitySpec>,
-    /// Curves with nodes, elements and a contact surface.
+    /// A braid about the z axis; needs `tow`.
+    #[serde(default)]
+    pub braid: Option<BraidSpec>,
+    /// The filaments of the tows of the braid.
+    #[serde(default)]
+    pub tow: Option<TowSpec>,
+    /// Bundles of parallel filaments.
+    #[serde(default)]
+    pub bundles: Vec<BundleSpec>,
+    /// Wires wound around a core.
+    #[serde(default)]
+    pub strands: Vec<StrandSpec>,
+    /// Filaments through points.
     #[serde(default)]
     pub polylines: Vec<PolylineSpec>,
     /// Elements by kind; every kind has its own entries.
@@ -85,6 +99,9 @@ pub struct Scene {
     /// Prescribed displacements and rotations.
     #[serde(default)]
     pub prescribed: Vec<PrescribedSpec>,
+    /// Force along the period of a periodic structure.
+    #[serde(default)]
+    pub load: Option<PeriodLoadSpec>,
     /// Forces and moments on nodes.
     #[serde(default)]
     pub loads: Vec<NodalLoadSpec>,
@@ -94,13 +111,13 @@ pub struct Scene {
     /// Functions of time by name.
     #[serde(default)]
     pub amplitudes: BTreeMap<String, AmplitudeSpec>,
-    /// Velocity-proportional damping and its kin. Default none.
+    /// Velocity-proportional damping and its kin. Default `Auto` with `load`, else `None`.
     #[serde(default)]
     pub damping: Option<DampingSpec>,
     /// Time integration.
     #[serde(default)]
     pub integration: IntegrationSpec,
-    /// When the run ends; at least one criterion must be given.
+    /// When the run ends. Default: a steady state with `load`, else it must be given.
     #[serde(default)]
     pub stop: StopSpec,
     /// What is written.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub enum DampingSpec {
     /// No damping.
     None,
-    /// Mass damping with alpha = 1/tF, for braids under a force; tF = sqrt(mass x stroke / force).
+    /// Mass damping with alpha = 1/tF, for structures under `load`.
     Auto,
     /// Mass damping f = -alpha m v with the given alpha (1 / time).
     Mass(Rate),
@@ -74,7 +74,7 @@ pub struct SteadySpec {
     /// Name of the dummy node whose period vector is watched. Default: the first one; without dummy nodes, the largest speed.
     #[serde(default)]
     pub watch: Option<NodeRef>,
-    /// Time between two looks (time). Default tF (braids under a force).
+    /// Time between two looks (time). Default tF (with `load`).
     #[serde(default)]
     pub interval: Option<Time>,
     /// Largest relative change per interval. Default 2e-4.
@@ -83,7 +83,7 @@ pub struct SteadySpec {
     /// Looks in a row. Default 3.
     #[serde(default = "repeats")]
     pub repeats: u32,
-    /// Not before this time (time). Default 12 tF (braids under a force), else 0.
+    /// Not before this time (time). Default 12 tF (with `load`), else 0.
     #[serde(default)]
     pub earliest: Option<Time>,
     /// Largest kinetic energy over strain energy. Default: not looked at.
@@ -109,11 +109,11 @@ impl Default for SteadySpec {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StopSpec {
-    /// End time (time).
+    /// End time (time). Default 100 tF with `load` and no other criterion.
     pub time: Option<Time>,
     /// Number of steps.
     pub steps: Option<u64>,
-    /// Steady state. Braids under a force have it by default.
+    /// Steady state. Default with `load` and no other criterion.
     pub steady: Option<SteadySpec>,
 }
 

@@ -6,8 +6,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// A node or a group of nodes: a number, the name of a node, of a dummy node or of a polyline (all
-/// its nodes), `"cable[0]"` and `"cable[-1]"` (first and last node of a polyline), or `"all"`.
+/// A node or a group of nodes: a number, the name of a node or dummy node, the name of a bundle,
+/// strand or polyline (all its nodes), `"wire.3"` (its filament 3), `"wire.3[0]"` and `"wire.3[-1]"` (first
+/// and last node of that filament), or `"all"`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NodeRef {
     /// By number.
@@ -75,74 +76,8 @@ pub struct InitialVelocitySpec {
     pub angular: [AngularVelocity; 3],
 }
 
-/// The stress-free shape of beams.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub enum NaturalSpec {
-    /// The initial shape.
-    #[default]
-    AsBuilt,
-    /// Straight; twisted by `twist` in the initial shape.
-    Straight {
-        /// Initial twist of the material about the axis (radian / length). Default 0.
-        #[serde(default)]
-        twist: Curvature,
-    },
-}
-
-/// A second run of elements on nodes of its own, tied to the nodes of the curve.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct EmbeddedSpec {
-    /// Kind of element.
-    pub element: String,
-    /// Name of the section.
-    pub section: String,
-}
-
 fn contact_default() -> bool {
     true
-}
-
-/// A curve through points: nodes, elements, and a round contact surface if it has a radius.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct PolylineSpec {
-    /// Name, for references to its nodes. Default `line0`, `line1` ...
-    #[serde(default)]
-    pub name: Option<String>,
-    /// Corners of the curve (length), at least two.
-    pub points: Vec<Point>,
-    /// Number of elements, spread evenly over the length. Default: one between every two points.
-    #[serde(default)]
-    pub elements: Option<u32>,
-    /// Kind of element. Default none: nodes and a contact surface only.
-    #[serde(default)]
-    pub element: Option<String>,
-    /// Name of the section; needed with `element`.
-    #[serde(default)]
-    pub section: Option<String>,
-    /// More elements on tied nodes at the same points. Default none.
-    #[serde(default)]
-    pub embedded: Option<EmbeddedSpec>,
-    /// Radius of the contact surface (length). Default: no contact surface.
-    #[serde(default)]
-    pub radius: Option<Length>,
-    /// Tow number of the contact surface. Default 0.
-    #[serde(default)]
-    pub tow: usize,
-    /// False: drawn but not checked for contact. Default true.
-    #[serde(default = "contact_default")]
-    pub contact: bool,
-    /// Stress-free shape of beams. Default the initial shape.
-    #[serde(default)]
-    pub natural: NaturalSpec,
-    /// Direction of the second section axis. Default: chosen by the element.
-    #[serde(default)]
-    pub orientation: Option<[Ratio; 3]>,
-    /// True: the last node is joined to the first one. Default false.
-    #[serde(default)]
-    pub closed: bool,
 }
 
 /// A contact surface along existing nodes.

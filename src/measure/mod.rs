@@ -1,0 +1,20 @@
+//! Measures: numbers read off a model, without any influence on it.
+//!
+//! | file | measures |
+//! |---|---|
+//! | `line.rs` | points of filaments, centre lines of tows continued through periodic faces |
+//! | `crossings.rs` | cell length, angle and thickness of a braid |
+//! | `topology.rs` | whether filaments have passed through each other |
+//! | `stats.rs` | means with 95 % confidence intervals |
+//! | `probe.rs` | named values of a scene |
+mod crossings;
+mod line;
+mod probe;
+mod stats;
+mod topology;
+
+pub use crossings::{BraidMeasures, CrossingMeasure, CrossingOptions, Heights, braid_measures, measure_braid, measure_crossing};
+pub use line::{TowLine, Trace, initial_traces, polyline_length, traces};
+pub use probe::{Component, EnergyTerm, NodeRef, Probe, ProbeSpec, Quantity, Reduce, SectionTerm, position};
+pub use stats::Estimate;
+pub use topology::{Passage, passages, signed_crossings};

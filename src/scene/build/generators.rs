@@ -1,0 +1,82 @@
+//! Braid, bundles, strands and polylines.
+use super::{Builder, at};
+use crate::components::NodeId;
+use crate::generate::{self, Generated};
+use crate::registry::SpecError;
+use crate::scene::error::Problem;
+use crate::scene::schema::Scene;
+use crate::scene::spans::{Path, Step};
+use std::collections::BTreeSet;
+
+impl Builder<'_> {
+    pub(super) fn add_generators(&mut self, scene: &Scene) {
+        self.add_braid(scene);
+        let (seed, registry) = (scene.seed, self.registry);
+        for (i, spec) in scene.bundles.iter().enumerate() {
+            let made = self.with_build(|b| generate::bundle(spec, seed, registry, b));
+            self.generated(at("bundles").index(i), &spec.name, made);
+        }
+        for (i, spec) in scene.strands.iter().enumerate() {
+            let made = self.with_build(|b| generate::strand(spec, registry, b));
+            self.generated(at("strands").index(i), &spec.name, made);
+        }
+        for (i, spec) in scene.polylines.iter().enumerate() {
+            let made = self.with_build(|b| generate::polyline(spec, registry, b));
+            self.generated(at("polylines").index(i), &spec.name, made);
+        }
+    }
+
+    fn add_braid(&mut self, scene: &Scene) {
+        let (braid, tow) = match (&scene.braid, &scene.tow) {
+            (Some(braid), Some(tow)) => (braid, tow),
+            (None, None) => return,
+            (Some(_), None) => {
+                let help = "tow: (material: \"glass\", filament_radius: \"2.5 um\", filaments: 7)";
+                self.problems.push(Problem::new(at("braid"), "a braid needs `tow`: what its tows are made of").help(help));
+                return;
+            }
+            (None, Some(_)) => {
+                self.problem(at("tow"), "`tow` belongs to a braid, and the scene has no `braid`");
+                return;
+            }
+        };
+        let (seed, registry, first) = (scene.seed, self.registry, self.model.filaments.len());
+        let made = self.with_build(|b| generate::braid(braid, tow, seed, registry, b));
+        let Some(layout) = self.noted(&Path::default(), made) else { return };
+        for t in &layout.tows {
+            let name = format!("{}{}", if t.id.plus { "A" } else { "B" }, t.id.index);
+            self.group_filaments(&name, t.filaments.clone());
+        }
+        self.sources.push((at("braid"), first..self.model.filaments.len()));
+        self.braid = Some(layout);
+    }
+
+    /// Names the nodes of what the entry at `path` has made. Generators call their own entry by the
+    /// singular (`bundle.radius`).
+    fn generated(&mut self, path: Path, name: &str, made: Result<Generated, SpecError>) {
+        match made {
+            Ok(made) => {
+                self.group_filaments(name, made.filaments.clone());
+                self.sources.push((path, made.filaments));
+            }
+            Err(error) => {
+                let mut own = Path::parse(&error.path).unwrap_or_default();
+                let singular = matches!(own.0.first(), Some(Step::Key(k)) if ["bundle", "strand", "polyline"].contains(&k.as_str()));
+                if singular {
+                    own.0.remove(0);
+                }
+                self.problems.push(Problem::of_entry(&path, SpecError { path: own.to_string(), ..error }));
+            }
+        }
+    }
+
+    fn group_filaments(&mut self, name: &str, filaments: std::ops::Range<usize>) {
+        let mut all: BTreeSet<NodeId> = BTreeSet::new();
+        for (i, f) in filaments.enumerate() {
+            let nodes = self.model.filaments[f].nodes.clone();
+            all.extend(&nodes);
+            self.groups.insert(format!("{name}.{i}"), nodes);
+        }
+        self.groups.insert(name.to_string(), all.into_iter().collect());
+    }
+}

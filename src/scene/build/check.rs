@@ -203,12 +203,12 @@ impl Builder<'_> {
 
     /// Mass that elements and the scene give to each node.
     pub(super) fn masses(&self) -> Vec<f64> {
-        let mut by_node: Vec<NodeMass> =
-            self.model.nodes.iter().map(|n| NodeMass { mass: n.added_mass, inertia: n.added_inertia }).collect();
+        let mut by_node: Vec<(NodeMass, f64)> =
+            self.model.nodes.iter().map(|n| (NodeMass { mass: n.added_mass, inertia: n.added_inertia }, 0.0)).collect();
         for kind in &self.registry.elements {
-            (kind.add_mass)(&self.model, None, &mut by_node);
+            (kind.add_mass)(&self.model, &mut by_node);
         }
-        by_node.iter().map(|m| m.mass).collect()
+        by_node.iter().map(|(m, _)| m.mass).collect()
     }
 
     /// Refuses filaments of which a segment lies exactly on a segment of another one.

@@ -61,7 +61,7 @@ pub enum SectionSpec {
         ga: Option<Force>,
         /// Mass per length (mass / length), above zero.
         mass: LinearDensity,
-        /// Rotary inertia per length (mass x length). Default from the mass.
+        /// Rotary inertia per length (mass x length). Default mass x (EI + EI3) / EA.
         #[serde(default)]
         inertia: Option<LinearInertia>,
     },

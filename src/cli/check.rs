@@ -36,7 +36,7 @@ fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
     out(&format!("{}: the scene is sound", args.scene.scene.display()));
     let dummies = model.nodes.iter().filter(|n| n.dummy).count();
     let rows = sim.world.resource::<NodeRows>().len();
-    row("nodes", format!("{} ({dummies} dummy, {} tied), {rows} with a motion of their own", model.nodes.len(), model.ties.len()));
+    row("nodes", format!("{} ({dummies} dummy, {} tied), {rows} rows", model.nodes.len(), model.ties.len()));
     let kinds = sim.registry.elements.iter().map(|k| (k.name, (k.count)(model))).filter(|k| k.1 > 0);
     row("elements", kinds.map(|(name, n)| format!("{n} {name}")).collect::<Vec<_>>().join(", "));
     row("filaments", model.filaments.len().to_string());

@@ -236,12 +236,15 @@ impl<'a> Recorder<'a> {
             });
         }
         let names = ["external work", "strain", "kinetic", "contact", "friction", "damping", "axial damping"];
-        let series = names.map(|n| Series::line(n, history.points("time", n)));
+        // Rounding noise of the first steps would stretch the axis over thirty decades.
+        let curves = names.map(|n| (n, history.points("time", n)));
+        let largest = curves.iter().flat_map(|c| &c.1).fold(0.0f64, |m, p| m.max(p.1));
+        let series = curves.map(|(n, points)| Series::line(n, points.into_iter().filter(|p| p.1 > 1e-7 * largest).collect()));
         plots.push(Plot {
             title: if plots.is_empty() { self.name.clone() } else { String::new() },
             x: time(),
             y: Axis::log(format!("energy [{}]", self.units.energy())),
-            series: series.into_iter().filter(|s| s.points.iter().any(|p| p.1 > 0.0)).collect(),
+            series: series.into_iter().filter(|s| !s.points.is_empty()).collect(),
         });
         panels(&plots, (900, 400 * plots.len() as u32))
     }

@@ -66,6 +66,8 @@ pub struct KindReport {
     pub springs: fn(&mut World) -> Vec<Option<SpringOffer>>,
     /// Tells the marked elements that their axial spring was taken.
     pub release: fn(&mut World, &[bool]),
+    /// Calls back with the rows and section forces of every element, in order.
+    pub sections: fn(&mut World, &mut dyn FnMut(&[u32], SectionForce)),
 }
 
 /// Reports of all kinds present in the model, in registration order.
@@ -92,7 +94,6 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
     let bundles: Vec<_> =
         list.iter().map(|(e, nodes)| (e.clone(), Connectivity(nodes.map(|n| rows.of(n) as u32)), EndForces::<E, N>::default())).collect();
     cx.world.insert_resource(EndMap::<E, N>::new(bundles.iter().map(|b| b.1.0)));
-    cx.world.get_resource_or_init::<SectionReports>().0.push(each_section::<E, N>);
     cx.world.spawn_batch(bundles);
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
         name: E::NAME,
@@ -103,6 +104,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
         rows: element_rows::<E, N>,
         springs: springs::<E, N>,
         release: release::<E, N>,
+        sections: sections::<E, N>,
     });
     if <E::Force as NodeForce>::ROTATIONS {
         cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
@@ -204,17 +206,6 @@ fn stiffness<E: Element<N>, const N: usize>(world: &mut World, out: &mut [Stiffn
     });
 }
 
-/// Calls back with the rows and section forces of every element of a kind, in order.
-pub type SectionReport = fn(&mut World, &mut dyn FnMut(&[u32], SectionForce));
-
-/// Section forces of all kinds present in the model, in registration order; for outputs.
-#[derive(Resource, Default)]
-pub struct SectionReports(pub Vec<SectionReport>);
-
-fn each_section<E: Element<N>, const N: usize>(world: &mut World, each: &mut dyn FnMut(&[u32], SectionForce)) {
-    visit::<E, N>(world, |_, e, rows, s| each(&rows, e.section_force(s)));
-}
-
 fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Option<SectionForce> {
     let mut found = None;
     visit::<E, N>(world, |i, e, _, s| {
@@ -223,6 +214,10 @@ fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize)
         }
     });
     found
+}
+
+fn sections<E: Element<N>, const N: usize>(world: &mut World, each: &mut dyn FnMut(&[u32], SectionForce)) {
+    visit::<E, N>(world, |_, e, rows, s| each(&rows, e.section_force(s)));
 }
 
 fn element_rows<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Vec<u32> {

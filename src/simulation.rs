@@ -138,6 +138,11 @@ impl Install<'_> {
     }
 }
 
+/// Two systems that could run in either order with different results are an error.
+fn settings(shuffle_seed: Option<u64>) -> ScheduleBuildSettings {
+    ScheduleBuildSettings { ambiguity_detection: LogLevel::Error, auto_insert_apply_deferred: false, shuffle_seed, ..Default::default() }
+}
+
 /// World, schedule and registry.
 pub struct Simulation {
     /// All entities and resources.
@@ -153,16 +158,22 @@ impl Simulation {
     pub fn new(plugins: impl Plugin) -> Self {
         let mut schedule = Schedule::new(TimeStep);
         schedule.set_executor(SingleThreadedExecutor::new());
-        schedule.set_build_settings(ScheduleBuildSettings {
-            ambiguity_detection: LogLevel::Error,
-            auto_insert_apply_deferred: false,
-            ..Default::default()
-        });
+        schedule.set_build_settings(settings(None));
         let [a, b, c, d, e, f, g, h, i, j] = StepSet::ORDER;
         schedule.configure_sets((a, b, c, d, e, f, g, h, i, j).chain());
         let mut sim = Simulation { world: World::new(), schedule, registry: Registry::default() };
         plugins.build(&mut sim);
         sim
+    }
+
+    /// Sorts systems whose order does not matter by chance; every seed gives the same results.
+    pub fn shuffle_schedule(&mut self, seed: u64) {
+        self.schedule.set_build_settings(settings(Some(seed)));
+    }
+
+    /// Names of the systems of a step, in the order in which they run.
+    pub fn system_names(&self) -> Vec<String> {
+        self.schedule.systems().map_or(Vec::new(), |all| all.map(|(_, s)| s.name().shortname().to_string()).collect())
     }
 
     /// Registers an element kind.

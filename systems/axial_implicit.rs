@@ -135,6 +135,7 @@ fn install(cx: &mut Install<'_>) {
         stiffness: |_, _| {},
         section_force: |_, _| None,
         rows: |_, _| Vec::new(),
+        sections: |_, _| {},
         springs: |_| Vec::new(),
         release: |_, _| {},
     });

@@ -1,5 +1,5 @@
 //! The lines of a model: its filaments, and chains of elements that no filament covers.
-use crate::assembly::SectionReports;
+use crate::assembly::KindReports;
 use crate::components::*;
 use crate::element::SectionForce;
 use crate::model::Model;
@@ -139,7 +139,7 @@ impl Lines {
 
 /// Calls back with rows and section forces of all elements of all kinds.
 fn each_section(world: &mut World, each: &mut dyn FnMut(&[u32], SectionForce)) {
-    let kinds = world.get_resource::<SectionReports>().map_or(Vec::new(), |k| k.0.clone());
+    let kinds: Vec<_> = world.get_resource::<KindReports>().map_or(Vec::new(), |k| k.0.iter().map(|r| r.sections).collect());
     kinds.into_iter().for_each(|f| f(world, each));
 }
 

@@ -30,8 +30,12 @@ impl SpecError {
 
     /// An unknown name with the valid ones and the nearest of them.
     pub fn unknown<'a>(path: impl Into<String>, what: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+        /// Names beyond this number are only counted.
+        const SHOWN: usize = 24;
         let known: Vec<&str> = known.into_iter().collect();
-        let mut help = if known.is_empty() { format!("no {what} is defined") } else { format!("known: {}", known.join(", ")) };
+        let more = if known.len() > SHOWN { format!(" and {} more", known.len() - SHOWN) } else { String::new() };
+        let list = known[..known.len().min(SHOWN)].join(", ");
+        let mut help = if known.is_empty() { format!("no {what} is defined") } else { format!("known: {list}{more}") };
         if let Some(near) = nearest(name, &known) {
             help = format!("did you mean `{near}`? {help}");
         }
@@ -99,7 +103,7 @@ impl Build<'_> {
     }
 }
 
-/// Why a list of elements could not be read.
+/// Why a part of a scene could not be read.
 #[derive(Debug)]
 pub enum ReadError {
     /// The text is not what the element's specification asks for; the span is inside the text.
@@ -111,6 +115,43 @@ pub enum ReadError {
         /// What is wrong.
         error: SpecError,
     },
+    /// The whole was read but makes no sense.
+    Whole(SpecError),
+}
+
+/// Settings of a plugin: a top-level key of the scene, stored in the model for its installer
+/// ([`Model::get`](crate::model::Model::get)). Register them with
+/// [`Simulation::add_settings`](crate::simulation::Simulation::add_settings).
+pub trait Settings: serde::de::DeserializeOwned + serde::Serialize + std::any::Any + Send + Sync {
+    /// The key; names from outside carry a prefix.
+    const KEY: &'static str;
+    /// One sentence for `braid-ecs plugins` and messages.
+    const ABOUT: &'static str;
+
+    /// Checks the settings against the finished model, and may fill in what follows from it.
+    ///
+    /// # Errors
+    /// What is wrong, naming the field.
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError>;
+}
+
+/// One registered kind of settings.
+#[derive(Clone, Copy)]
+pub struct SettingsKind {
+    /// Scene key.
+    pub key: &'static str,
+    /// One sentence.
+    pub about: &'static str,
+    /// Reads RON into the model; gives the settings back with all defaults filled in.
+    pub read: fn(&str, &mut Build<'_>) -> Result<String, ReadError>,
+}
+
+fn read_settings<S: Settings>(text: &str, build: &mut Build<'_>) -> Result<String, ReadError> {
+    let mut settings: S = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
+    settings.check(build).map_err(ReadError::Whole)?;
+    let resolved = crate::scene::ron_options().to_string(&settings).map_err(|e| ReadError::Whole(SpecError::new("", e.to_string())))?;
+    build.model.insert(settings);
+    Ok(resolved)
 }
 
 /// One registered kind of element.
@@ -146,12 +187,28 @@ pub struct Registry {
     pub elements: Vec<ElementKind>,
     /// Installers with the name of what they install.
     pub installers: Vec<(&'static str, Installer)>,
+    /// Settings of plugins, in the order in which they are read.
+    pub settings: Vec<SettingsKind>,
 }
 
 impl Registry {
     /// The element kind called `name`.
     pub fn element(&self, name: &str) -> Option<&ElementKind> {
         self.elements.iter().find(|k| k.name == name)
+    }
+
+    /// The settings with the key `key`.
+    pub fn settings_of(&self, key: &str) -> Option<&SettingsKind> {
+        self.settings.iter().find(|k| k.key == key)
+    }
+
+    /// Adds settings.
+    ///
+    /// # Panics
+    /// If the key is taken: two plugins claim the same scene key.
+    pub fn add_settings<S: Settings>(&mut self) {
+        assert!(self.settings_of(S::KEY).is_none(), "settings `{}` are registered twice", S::KEY);
+        self.settings.push(SettingsKind { key: S::KEY, about: S::ABOUT, read: read_settings::<S> });
     }
 
     /// Adds an element kind.

@@ -181,6 +181,11 @@ impl Simulation {
         self.registry.add_element::<E, N>();
     }
 
+    /// Registers settings: a top-level key of the scene.
+    pub fn add_settings<S: crate::registry::Settings>(&mut self) {
+        self.registry.add_settings::<S>();
+    }
+
     /// Registers a function that adds systems for models that need them.
     pub fn add_installer(&mut self, name: &'static str, installer: Installer) {
         self.registry.installers.push((name, installer));

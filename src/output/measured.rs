@@ -83,8 +83,8 @@ fn heights(_model: &Model) -> Heights {
 }
 
 /// Probes of a scene.
-pub fn probes(_loaded: &LoadedScene) -> Vec<(String, Probe)> {
-    Vec::new()
+pub fn probes(loaded: &LoadedScene) -> Vec<(String, Probe)> {
+    loaded.probes.clone()
 }
 
 /// Rigid surfaces of a model, for pictures.

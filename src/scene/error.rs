@@ -214,6 +214,9 @@ fn offset(text: &str, place: ron::error::Position) -> usize {
     text[start..].char_indices().nth(place.col.saturating_sub(1)).map_or(text.len(), |(i, _)| start + i)
 }
 
+/// Message for a word or number where a text belongs.
+pub(super) const EXPECTED_TEXT: &str = "expected a text in double quotes";
+
 /// Turns an error of the RON reader into a problem with a place. `part` is the range of the text that was read;
 /// `path` is the path of the value that was being read, where it is known.
 pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>, root: Option<&Value>, path: Option<Path>) -> Problem {
@@ -278,6 +281,7 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
             }
             (format!("expected {expected}, found {found}"), None)
         }
+        E::ExpectedString => (EXPECTED_TEXT.to_string(), None),
         E::ExceededRecursionLimit => ("the scene is nested too deeply".to_string(), None),
         other => {
             let m = other.to_string();
@@ -288,7 +292,6 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
                 }
                 E::ExpectedArray => Some("a list is written [first, second, ...]".to_string()),
                 E::ExpectedMap => Some("named entries are written {\"name\": value, ...}".to_string()),
-                E::ExpectedString => Some("a text stands in double quotes".to_string()),
                 E::ExpectedStringEnd => Some("the closing quote is missing".to_string()),
                 E::Eof => Some("a closing bracket is missing".to_string()),
                 _ => None,

@@ -1,12 +1,14 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
-use super::error::{Category, Problem, SceneErrors, from_ron};
+use super::error::{Category, EXPECTED_TEXT, Problem, SceneErrors, from_ron};
 use super::schema::{Scene, VERSIONS};
-use super::spans::{MAX_DEPTH, Path, Step, Tree, tree};
+use super::spans::{MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
 use super::{build, ron_options, set};
+use crate::measure::Probe;
 use crate::model::Model;
 use crate::registry::{Registry, nearest};
 use serde::Deserialize;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Largest scene file that is read (bytes).
@@ -18,6 +20,8 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// The model to be spawned.
     pub model: Model,
+    /// The probes, checked against the model.
+    pub probes: Vec<(String, Probe)>,
     /// The text after `--set`.
     pub text: String,
     /// The file.
@@ -36,9 +40,13 @@ impl LoadedScene {
     }
 }
 
-pub(super) fn resolved_text(scene: &Scene) -> String {
+fn resolved_text(scene: &Scene) -> String {
     let pretty = ron::ser::PrettyConfig::new().compact_arrays(true);
-    ron_options().to_string_pretty(scene, pretty).expect("a scene consists of plain data")
+    let mut text = ron_options().to_string_pretty(scene, pretty).expect("a scene consists of plain data");
+    let end = text.rfind(')').expect("a scene is a struct");
+    let settings: String = scene.settings.iter().map(|(key, value)| format!("    {key}: {value},\n")).collect();
+    text.insert_str(end, &settings);
+    text
 }
 
 /// Reads, checks and builds a scene file.
@@ -70,31 +78,57 @@ pub fn load(path: impl AsRef<std::path::Path>, sets: &[(String, String)], regist
 /// # Errors
 /// Everything that is wrong with the scene, with its place.
 pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: &Registry) -> Result<LoadedScene, SceneErrors> {
-    let mut edited = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
-    let original = edited.clone();
-    for (path, value) in sets {
-        edited = set::set(&edited, path, value)
-            .map_err(|p| SceneErrors::place(Category::Usage, name, &edited, None, vec![with_known_paths(p, path, value, &original)]))?;
-    }
-    let tree = tree(&edited);
-    let fail = |problems| Err(placed(name, &edited, &tree, sets, &original, problems));
-    let mut scene = match parse(&edited, &tree) {
-        Ok(scene) => scene,
-        Err(problem) => return fail(vec![*problem]),
-    };
-    let root = tree.root.as_ref().expect("an empty scene was refused");
-    match build::build(&mut scene, &edited, root, registry) {
-        Ok(mut model) => {
-            let path = PathBuf::from(name);
-            model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-            Ok(LoadedScene { scene, model, text: edited, path })
-        }
-        Err(problems) => fail(problems),
+    let original = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
+    let mut sets = sets.to_vec();
+    loop {
+        let edited = edit(name, &original, &sets, registry)?;
+        let tree = tree(&edited);
+        let fail = |problems| Err(placed(name, &edited, &tree, &sets, (&original, registry), problems));
+        let mut scene = match parse(&edited, &tree, registry) {
+            Ok(scene) => scene,
+            Err(problem) => {
+                // The shell eats the quotes of `--set title="a"`.
+                if problem.message == EXPECTED_TEXT
+                    && let Some(at) = problem.span.as_ref().and_then(|s| set_at(&sets, &tree, s))
+                    && !sets[at].1.starts_with('"')
+                {
+                    sets[at].1 = format!("{:?}", sets[at].1);
+                    continue;
+                }
+                return fail(vec![*problem]);
+            }
+        };
+        let root = tree.root.as_ref().expect("an empty scene was refused");
+        return match build::build(&mut scene, &edited, root, registry) {
+            Ok(built) => {
+                let (path, mut model) = (PathBuf::from(name), built.model);
+                model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
+                Ok(LoadedScene { scene, model, probes: built.probes, text: edited, path })
+            }
+            Err(problems) => fail(problems),
+        };
     }
 }
 
+fn edit(name: &str, original: &str, sets: &[(String, String)], registry: &Registry) -> Result<String, SceneErrors> {
+    let mut edited = original.to_string();
+    for (path, value) in sets {
+        edited = set::set(&edited, path, value).map_err(|p| {
+            let problem = with_known_paths(p, path, value, (original, registry));
+            SceneErrors::place(Category::Usage, name, &edited, None, vec![problem])
+        })?;
+    }
+    Ok(edited)
+}
+
+/// Which `--set` has written the range, if one has; the last one counts.
+fn set_at(sets: &[(String, String)], tree: &Tree, at: &Range<usize>) -> Option<usize> {
+    let root = tree.root.as_ref()?;
+    sets.iter().rposition(|(path, _)| set::range_of(root, path).is_some_and(|r| r.start <= at.start && at.end <= r.end))
+}
+
 /// The scene in a text, without any check of its meaning.
-fn parse(text: &str, tree: &Tree) -> Result<Scene, Box<Problem>> {
+fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Problem>> {
     let Some(root) = &tree.root else {
         return Err(Box::new(
             Problem::new(Path::default(), "the scene is empty")
@@ -128,6 +162,9 @@ fn parse(text: &str, tree: &Tree) -> Result<Scene, Box<Problem>> {
         })?,
         None => UnitSystem::MmNTonne,
     };
+    // Settings of plugins are read later, by their own readers.
+    let own = without_settings(text, root, registry);
+    let text = own.as_str();
     let mut reader =
         ron::Deserializer::from_str_with_options(text, &ron_options()).map_err(|e| from_ron(e, text, 0..text.len(), Some(root), None))?;
     let mut track = serde_path_to_error::Track::new();
@@ -137,13 +174,42 @@ fn parse(text: &str, tree: &Tree) -> Result<Scene, Box<Problem>> {
         Err(e) => Err(e),
     };
     scene.map_err(|e| {
+        let unknown = match &e {
+            ron::Error::NoSuchStructField { found, outer, .. } if outer.as_deref() == Some("Scene") => Some(found.clone()),
+            _ => None,
+        };
         let path = path_of(&track.path());
         let mut problem = from_ron(reader.span_error(e), text, 0..text.len(), Some(root), Some(path));
         if problem.message.starts_with("field `units`") {
             problem.help = Some(format!("valid: {}", names.join(", ")));
         }
+        // The reader knows the fields of the scene, but not the settings of plugins.
+        if let (Some(word), Some(help)) = (&unknown, &mut problem.help) {
+            let keys: Vec<&str> = registry.settings.iter().map(|k| k.key).collect();
+            help.push_str(&keys.iter().map(|k| format!(", `{k}`")).collect::<String>());
+            if let Some(near) = nearest(word, &keys).filter(|_| !help.starts_with("did you mean")) {
+                *help = format!("did you mean `{near}`? {help}");
+            }
+        }
         Box::new(problem)
     })
+}
+
+/// The text with the settings of plugins blanked out, so that everything else stays in its place.
+fn without_settings(text: &str, root: &Value, registry: &Registry) -> String {
+    let mut own = text.to_string();
+    for item in root.items.iter().filter(|i| i.key.as_deref().is_some_and(|k| registry.settings_of(k).is_some())) {
+        let mut range = item.key_span.start..item.value.span.end;
+        let after = &text[range.end..];
+        let comma = after.len() - after.trim_start().len();
+        if after[comma..].starts_with(',') {
+            range.end += comma + 1;
+        }
+        let blank = |c: char| std::iter::repeat_n(if c == '\n' { '\n' } else { ' ' }, c.len_utf8());
+        let blanks: String = text[range.clone()].chars().flat_map(blank).collect();
+        own.replace_range(range, &blanks);
+    }
+    own
 }
 
 fn path_of(path: &serde_path_to_error::Path) -> Path {
@@ -160,24 +226,21 @@ fn path_of(path: &serde_path_to_error::Path) -> Path {
     Path(steps)
 }
 
+/// The text of the file and what the program knows.
+type Source<'a> = (&'a str, &'a Registry);
+
 /// Places problems; those inside a value that `--set` has put there are reported as such.
-fn placed(name: &str, text: &str, tree: &Tree, sets: &[(String, String)], original: &str, problems: Vec<Problem>) -> SceneErrors {
+fn placed(name: &str, text: &str, tree: &Tree, sets: &[(String, String)], source: Source<'_>, problems: Vec<Problem>) -> SceneErrors {
     let root = tree.root.as_ref();
     let mut category = Category::Scene;
     let problems = problems
         .into_iter()
         .map(|mut p| {
             let at = p.span.clone().or_else(|| root.map(|r| r.deepest(&p.path).0.mark(text)));
-            let Some((path, value)) = at.and_then(|at| {
-                sets.iter()
-                    .rev()
-                    .find(|(path, _)| root.and_then(|r| set::range_of(r, path)).is_some_and(|r| r.start <= at.start && at.end <= r.end))
-            }) else {
-                return p;
-            };
+            let Some((path, value)) = at.and_then(|at| set_at(sets, tree, &at)).map(|i| &sets[i]) else { return p };
             if p.message.starts_with("unknown field") {
                 category = Category::Usage;
-                return with_known_paths(set::no_such_path(path, value, &[]), path, value, original).with_choices(p.help.take());
+                return with_known_paths(set::no_such_path(path, value, &[]), path, value, source).with_choices(p.help.take());
             }
             let given = format!("given by --set {path}={value}");
             p.help = Some(p.help.map_or(given.clone(), |h| format!("{h}\n{given}")));
@@ -188,14 +251,14 @@ fn placed(name: &str, text: &str, tree: &Tree, sets: &[(String, String)], origin
 }
 
 /// Names the nearest paths of the scene as it was before the edit, defaults included.
-fn with_known_paths(problem: Problem, path: &str, value: &str, original: &str) -> Problem {
+fn with_known_paths(problem: Problem, path: &str, value: &str, (original, registry): Source<'_>) -> Problem {
     if !problem.message.contains("there is no") {
         return problem;
     }
     let before = tree(original);
     let mut known: Vec<String> = before.root.as_ref().map_or(Vec::new(), |r| r.paths());
-    if let Ok(scene) = parse(original, &before)
-        && let Some(root) = tree(&resolved_text(&scene)).root
+    if let Ok(loaded) = load_text("", original.to_string(), &[], registry)
+        && let Some(root) = tree(&loaded.resolved()).root
     {
         known.extend(root.paths());
     }

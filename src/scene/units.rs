@@ -434,8 +434,123 @@ quantities! {
     Energy, "an energy", [2, 1, -2, 0], "\"1 nJ\"";
 }
 
-/// A point: three lengths, `[x, y, z]`.
-pub type Point = [Length; 3];
+/// Three components in square brackets, `[x, y, z]`.
+///
+/// RON writes arrays of a fixed length as tuples, in round brackets; in a scene every vector is a list.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Triple<T>(pub [T; 3]);
+
+/// A point: three lengths.
+pub type Point = Triple<Length>;
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Triple<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        triple::deserialize(deserializer).map(Triple)
+    }
+}
+
+impl<T: Serialize> Serialize for Triple<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize_list(serializer)
+    }
+}
+
+impl<T: Copy + Into<f64>> From<Triple<T>> for glam::DVec3 {
+    fn from(t: Triple<T>) -> Self {
+        glam::DVec3::from_array(t.0.map(Into::into))
+    }
+}
+
+trait SerializeList {
+    fn serialize_list<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error>;
+}
+
+impl<T: Serialize> SerializeList for [T; 3] {
+    fn serialize_list<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self)
+    }
+}
+
+/// `#[serde(with = "triple")]` for a `[T; 3]` that is written `[x, y, z]`.
+pub mod triple {
+    use super::*;
+
+    struct V<T>(std::marker::PhantomData<T>);
+
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for V<T> {
+        type Value = [T; 3];
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("three components [x, y, z]")
+        }
+        fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<[T; 3], A::Error> {
+            let mut next =
+                |i| items.next_element()?.ok_or_else(|| de::Error::custom(format!("three components [x, y, z] are needed, {i} given")));
+            let triple = [next(0)?, next(1)?, next(2)?];
+            match items.next_element::<de::IgnoredAny>()? {
+                None => Ok(triple),
+                Some(_) => Err(de::Error::custom("three components [x, y, z] are needed, more given")),
+            }
+        }
+    }
+
+    /// Reads three components.
+    ///
+    /// # Errors
+    /// Anything but a list of three.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<[T; 3], D::Error> {
+        deserializer.deserialize_any(V(std::marker::PhantomData))
+    }
+
+    /// Writes three components.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer, T: Serialize>(value: &[T; 3], serializer: S) -> Result<S::Ok, S::Error> {
+        value.serialize_list(serializer)
+    }
+}
+
+/// `#[serde(with = "triples")]` for a list of `[T; 3]`.
+pub mod triples {
+    use super::*;
+
+    /// Reads a list of triples.
+    ///
+    /// # Errors
+    /// An entry that is not a list of three.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<[T; 3]>, D::Error> {
+        Vec::<Triple<T>>::deserialize(deserializer).map(|v| v.into_iter().map(|t| t.0).collect())
+    }
+
+    /// Writes a list of triples.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer, T: Serialize + Copy>(value: &[[T; 3]], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(value.iter().map(|t| Triple(*t)))
+    }
+}
+
+/// `#[serde(with = "triple_option")]` for an optional `[T; 3]`.
+pub mod triple_option {
+    use super::*;
+
+    /// Reads a triple if there is one.
+    ///
+    /// # Errors
+    /// Anything but a list of three.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<[T; 3]>, D::Error> {
+        Option::<Triple<T>>::deserialize(deserializer).map(|t| t.map(|t| t.0))
+    }
+
+    /// Writes a triple if there is one.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer, T: Serialize + Copy>(value: &Option<[T; 3]>, serializer: S) -> Result<S::Ok, S::Error> {
+        value.map(Triple).serialize(serializer)
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -514,6 +629,18 @@ mod tests {
         assert!(read::<Angle>(Si, "\"2\u{b0}\"").is_ok());
         assert!(read::<Rate>(Si, "\"2 deg\"").is_err());
         assert!(read::<Stiffness>(Si, "\"2 N/mm/rad\"").is_err());
+    }
+
+    #[test]
+    fn vectors_are_lists_of_three() {
+        use UnitSystem::MmNTonne;
+        let p: Point = read(MmNTonne, "[1, \"2 cm\", 3.5]").unwrap();
+        assert_eq!(glam::DVec3::from(p), glam::DVec3::new(1.0, 20.0, 3.5));
+        assert_eq!(crate::scene::ron_options().to_string(&p).unwrap(), "[1.0,20.0,3.5]");
+        for (text, part) in [("[1, 2]", "2 given"), ("[1, 2, 3, 4]", "more given"), ("7", "[x, y, z]"), ("[1, 2, NaN]", "finite")] {
+            let e = read::<Point>(MmNTonne, text).unwrap_err();
+            assert!(e.contains(part), "{text}: {e}");
+        }
     }
 
     #[test]

@@ -189,7 +189,7 @@ impl Builder<'_> {
         for kind in &self.registry.elements {
             (kind.add_mass)(&self.model, &mut by_node);
         }
-        by_node.iter().map(|m| m.0.mass).collect()
+        by_node.iter().map(|(m, _)| m.mass).collect()
     }
 
     /// Refuses filaments of which a segment lies exactly on a segment of another one.

@@ -27,6 +27,7 @@ impl Builder<'_> {
                     let problem = from_ron(e, self.text, span, Some(self.root), None);
                     self.problems.push(problem);
                 }
+                Err(ReadError::Whole(error)) => self.problems.push(Problem::of_entry(&place, error)),
                 Err(ReadError::Entry { index, error }) => self.problems.push(Problem::of_entry(&place.index(index), error)),
             }
         }

@@ -8,6 +8,9 @@ use crate::scene::schema::Scene;
 use crate::scene::spans::{Path, Step};
 use std::collections::BTreeSet;
 
+/// Nodes up to which every node gets a name.
+const NAMED: usize = 2000;
+
 impl Builder<'_> {
     pub(super) fn add_generators(&mut self, scene: &Scene) {
         self.add_braid(scene);
@@ -70,11 +73,17 @@ impl Builder<'_> {
         }
     }
 
+    /// Names `name` (all nodes) and `name.3` (the nodes of filament 3); each node of a structure with few
+    /// nodes also has a name of its own, `name.3[5]`.
     fn group_filaments(&mut self, name: &str, filaments: std::ops::Range<usize>) {
         let mut all: BTreeSet<NodeId> = BTreeSet::new();
         for (i, f) in filaments.enumerate() {
             let nodes = self.model.filaments[f].nodes.clone();
             all.extend(&nodes);
+            if all.len() <= NAMED {
+                let names = nodes.iter().enumerate().map(|(k, n)| (format!("{name}.{i}[{k}]"), *n));
+                self.model.node_names.extend(names);
+            }
             self.groups.insert(format!("{name}.{i}"), nodes);
         }
         self.groups.insert(name.to_string(), all.into_iter().collect());

@@ -75,14 +75,14 @@ impl Builder<'_> {
         for (i, l) in scene.loads.iter().enumerate() {
             let path = at("loads").index(i);
             let amplitude = self.amplitude(&path, &l.amplitude);
-            let (force, moment) = (DVec3::from_array(l.force.map(f64::from)), DVec3::from_array(l.moment.map(f64::from)));
+            let (force, moment) = (DVec3::from(l.force), DVec3::from(l.moment));
             for node in self.nodes(&path.key("nodes"), &l.nodes) {
                 self.model.loads.push(NodalLoad { node, force, moment, follower: l.follower, amplitude });
             }
         }
         if let Some(g) = &scene.gravity {
             let amplitude = self.amplitude(&at("gravity"), &g.amplitude);
-            self.model.body_force = Some(BodyForce { acceleration: DVec3::from_array(g.acceleration.map(f64::from)), amplitude });
+            self.model.body_force = Some(BodyForce { acceleration: DVec3::from(g.acceleration), amplitude });
         }
     }
 }

@@ -65,14 +65,10 @@ impl Builder<'_> {
                 self.above_zero(path.key("mass"), &format!("mass per length of section `{name}`"), mass.0);
                 self.not_negative(path.key("inertia"), &format!("inertia of section `{name}`"), inertia.map_or(0.0, |v| v.0));
                 let ei = [ei.0, ei3.map_or(ei.0, |v| v.0)];
-                Section {
-                    ea: ea.0,
-                    ei,
-                    gj: gj.0,
-                    ga: ga.map_or(f64::INFINITY, |v| v.0),
-                    mass: mass.0,
-                    inertia: inertia.map_or(0.0, |v| v.0),
-                }
+                // A homogeneous section has rho I = rho A x EI / EA.
+                let homogeneous = if ea.0 > 0.0 { mass.0 * (ei[0] + ei[1]) / ea.0 } else { 0.0 };
+                let inertia = inertia.map_or(homogeneous, f64::from);
+                Section { ea: ea.0, ei, gj: gj.0, ga: ga.map_or(f64::INFINITY, |v| v.0), mass: mass.0, inertia }
             }
         };
         (self.problems.len() == before).then_some(section)

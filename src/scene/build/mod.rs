@@ -6,6 +6,7 @@ mod generators;
 mod loads;
 mod material;
 mod run;
+mod settings;
 mod topology;
 
 use super::error::Problem;
@@ -13,13 +14,14 @@ use super::schema::{NodeRef, Scene};
 use super::spans::{Path, Value};
 use crate::components::NodeId;
 use crate::generate::BraidLayout;
+use crate::measure::Probe;
 use crate::model::{Material, Model, Section};
 use crate::registry::{Build, Registry, SpecError};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Builds the model of a scene; automatic values of the scene are filled in.
-pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry) -> Result<Model, Vec<Problem>> {
+pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry) -> Result<Built, Vec<Problem>> {
     let mut b = Builder {
         text,
         root,
@@ -51,7 +53,17 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
     if b.problems.is_empty() {
         b.check_model(scene);
     }
-    if b.problems.is_empty() { Ok(b.model) } else { Err(b.problems) }
+    if b.problems.is_empty() {
+        b.add_settings(scene);
+    }
+    let probes = b.probes(scene);
+    if b.problems.is_empty() { Ok(Built { model: b.model, probes }) } else { Err(b.problems) }
+}
+
+/// A model with the probes of its scene.
+pub(super) struct Built {
+    pub model: Model,
+    pub probes: Vec<(String, Probe)>,
 }
 
 /// The model under construction, with what names mean.
@@ -116,8 +128,8 @@ impl Builder<'_> {
     fn resolve(&self, reference: &NodeRef) -> Result<Vec<NodeId>, SpecError> {
         let count = self.model.nodes.len();
         match reference {
-            NodeRef::Number(n) if (*n as usize) < count => Ok(vec![NodeId(*n)]),
-            NodeRef::Number(n) => Err(SpecError::new("", format!("node {n} does not exist")).help(match count {
+            NodeRef::Id(n) if (*n as usize) < count => Ok(vec![NodeId(*n)]),
+            NodeRef::Id(n) => Err(SpecError::new("", format!("node {n} does not exist")).help(match count {
                 0 => "the scene has no nodes".to_string(),
                 _ => format!("the scene has {count} nodes, numbered from 0"),
             })),
@@ -139,6 +151,9 @@ impl Builder<'_> {
                         Some(n) => Ok(vec![*n]),
                         None => Err(SpecError::new("", format!("`{name}` does not exist: `{group}` has {} nodes", nodes.len()))),
                     };
+                }
+                if name.contains('*') {
+                    return reference.resolve_all("", &self.model);
                 }
                 let known = self.model.node_names.keys().chain(self.groups.keys()).map(String::as_str);
                 Err(SpecError::unknown("", "node", name, known))

@@ -5,18 +5,12 @@ use crate::model::{Filament, Node};
 use crate::registry::SpecError;
 use crate::scene::schema::{PairSpec, Scene};
 use crate::scene::spans::Path;
-use crate::scene::units::Point;
 use glam::DVec3;
-
-/// A point as a vector.
-pub(super) fn vector(p: &Point) -> DVec3 {
-    DVec3::from_array(p.map(f64::from))
-}
 
 impl Builder<'_> {
     pub(super) fn add_nodes(&mut self, scene: &Scene) {
         for p in &scene.nodes {
-            self.model.add_node(vector(p));
+            self.model.add_node(DVec3::from(*p));
         }
         for (name, number) in &scene.node_names {
             let path = at("node_names").key(name);
@@ -29,13 +23,13 @@ impl Builder<'_> {
         if let Some(periodic) = &scene.periodic {
             for (name, period) in &periodic.dummies {
                 let path = at("periodic.dummies").key(name);
-                if vector(period) == DVec3::ZERO {
+                if DVec3::from(*period) == DVec3::ZERO {
                     self.problem(path.clone(), format!("the period vector of dummy node `{name}` is zero"));
                 }
                 if self.model.node_names.contains_key(name) {
                     self.problem(path, format!("the name `{name}` is taken"));
                 }
-                let id = self.model.add_node(vector(period));
+                let id = self.model.add_node(DVec3::from(*period));
                 self.model.nodes[id.row()].dummy = true;
                 self.model.node_names.insert(name.clone(), id);
             }
@@ -56,8 +50,8 @@ impl Builder<'_> {
         for (i, v) in scene.initial_velocity.iter().enumerate() {
             for n in self.nodes(&at("initial_velocity").index(i).key("nodes"), &v.nodes) {
                 let node = &mut self.model.nodes[n.row()];
-                node.velocity = DVec3::from_array(v.velocity.map(f64::from));
-                node.angular_velocity = DVec3::from_array(v.angular.map(f64::from));
+                node.velocity = DVec3::from(v.velocity);
+                node.angular_velocity = DVec3::from(v.angular);
             }
         }
     }
@@ -118,7 +112,7 @@ impl Builder<'_> {
             }
         }
         if let Some(p) = &scene.periodic {
-            let longest = p.dummies.values().map(|v| vector(v).length()).fold(0.0, f64::max);
+            let longest = p.dummies.values().map(|v| DVec3::from(*v).length()).fold(0.0, f64::max);
             let tolerance = p.tolerance.map_or(1e-9 * longest, |t| t.0);
             self.not_negative(at("periodic.tolerance"), "the tolerance of periodic pairs", tolerance);
             for (i, pair) in p.pairs.iter().enumerate() {

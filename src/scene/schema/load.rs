@@ -1,5 +1,5 @@
 //! Supports, prescribed motions, loads and their course in time.
-use super::topology::NodeRef;
+use super::NodeRef;
 use crate::components::Dof;
 use crate::scene::units::*;
 use serde::{Deserialize, Serialize};
@@ -119,10 +119,10 @@ pub struct NodalLoadSpec {
     pub nodes: Vec<NodeRef>,
     /// Force in global axes (force). Default zero.
     #[serde(default)]
-    pub force: [Force; 3],
+    pub force: Triple<Force>,
     /// Moment in global axes (force x length). Default zero.
     #[serde(default)]
-    pub moment: [Moment; 3],
+    pub moment: Triple<Moment>,
     /// True: force and moment turn with the node. Default false.
     #[serde(default)]
     pub follower: bool,
@@ -136,7 +136,7 @@ pub struct NodalLoadSpec {
 #[serde(deny_unknown_fields)]
 pub struct GravitySpec {
     /// Acceleration (length / time^2).
-    pub acceleration: [Acceleration; 3],
+    pub acceleration: Triple<Acceleration>,
     /// Name of the amplitude. Default constant 1.
     #[serde(default)]
     pub amplitude: Option<String>,

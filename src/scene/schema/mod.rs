@@ -13,6 +13,7 @@ pub use run::*;
 pub use topology::*;
 
 pub use crate::generate::{BraidSpec, BundleSpec, PolylineSpec, StrandSpec, TowSpec};
+pub use crate::measure::{NodeRef, ProbeSpec};
 
 use super::units::UnitSystem;
 use ron::value::RawValue;
@@ -123,7 +124,13 @@ pub struct Scene {
     /// What is written.
     #[serde(default)]
     pub output: OutputSpec,
+    /// Named values, sampled into the history and reported at the end.
+    #[serde(default)]
+    pub probes: BTreeMap<String, ProbeSpec>,
     /// Expected values of measures and probes, compared at the end.
     #[serde(default)]
     pub expect: BTreeMap<String, ExpectSpec>,
+    /// Settings of plugins (`contact`, `mandrel` ...) by key, as text with all defaults.
+    #[serde(skip)]
+    pub settings: BTreeMap<String, String>,
 }

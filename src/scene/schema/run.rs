@@ -1,5 +1,5 @@
 //! Damping, time integration, the end of the run, what is written and what is expected.
-use super::topology::NodeRef;
+use super::NodeRef;
 use crate::scene::units::*;
 use serde::{Deserialize, Serialize};
 

@@ -1,52 +1,9 @@
 //! Nodes, curves, contact surfaces and what joins them.
+use super::NodeRef;
 use crate::components::Dof;
 use crate::scene::units::*;
-use serde::de::{self, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt;
-
-/// A node or a group of nodes: a number, the name of a node or dummy node, the name of a bundle,
-/// strand or polyline (all its nodes), `"wire.3"` (its filament 3), `"wire.3[0]"` and `"wire.3[-1]"` (first
-/// and last node of that filament), or `"all"`.
-#[derive(Clone, Debug, PartialEq)]
-pub enum NodeRef {
-    /// By number.
-    Number(u32),
-    /// By name.
-    Name(String),
-}
-
-impl<'de> Deserialize<'de> for NodeRef {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct V;
-        impl Visitor<'_> for V {
-            type Value = NodeRef;
-            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("the number or the name of a node")
-            }
-            fn visit_u64<E: de::Error>(self, v: u64) -> Result<NodeRef, E> {
-                u32::try_from(v).map(NodeRef::Number).map_err(|_| E::custom(format!("node {v} does not exist")))
-            }
-            fn visit_i64<E: de::Error>(self, v: i64) -> Result<NodeRef, E> {
-                u64::try_from(v).map_err(|_| E::custom(format!("nodes are numbered from 0, not {v}"))).and_then(|v| self.visit_u64(v))
-            }
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<NodeRef, E> {
-                Ok(NodeRef::Name(v.to_string()))
-            }
-        }
-        deserializer.deserialize_any(V)
-    }
-}
-
-impl Serialize for NodeRef {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            NodeRef::Number(n) => serializer.serialize_u32(*n),
-            NodeRef::Name(n) => serializer.serialize_str(n),
-        }
-    }
-}
 
 /// Added masses.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -70,10 +27,10 @@ pub struct InitialVelocitySpec {
     pub nodes: Vec<NodeRef>,
     /// Velocity (length / time). Default zero.
     #[serde(default)]
-    pub velocity: [Velocity; 3],
+    pub velocity: Triple<Velocity>,
     /// Angular velocity (radian / time). Default zero.
     #[serde(default)]
-    pub angular: [AngularVelocity; 3],
+    pub angular: Triple<AngularVelocity>,
 }
 
 fn contact_default() -> bool {

@@ -1,0 +1,48 @@
+//! Settings of plugins, probes and expected values.
+use super::{Builder, at};
+use crate::measure::Probe;
+use crate::registry::{ReadError, SpecError};
+use crate::scene::error::{Problem, from_ron};
+use crate::scene::schema::Scene;
+use crate::scene::spans::Path;
+
+/// What braids and periodic structures report without being asked.
+const MEASURES: [&str; 3] = ["length", "angle", "thickness"];
+
+impl Builder<'_> {
+    pub(super) fn add_settings(&mut self, scene: &mut Scene) {
+        for kind in self.registry.settings.clone() {
+            let path = Path::default().key(kind.key);
+            let Some(value) = self.root.find(&path) else { continue };
+            let (text, span) = (self.text, value.span.clone());
+            let read = self.with_build(|b| scene.units.while_reading(|| (kind.read)(&text[span.clone()], b)));
+            match read {
+                Ok(resolved) => {
+                    scene.settings.insert(kind.key.to_string(), resolved);
+                }
+                Err(ReadError::Syntax(e)) => self.problems.push(from_ron(e, text, span, Some(self.root), None)),
+                Err(ReadError::Whole(error) | ReadError::Entry { error, .. }) => self.problems.push(Problem::of_entry(&path, error)),
+            }
+        }
+    }
+
+    /// The probes of the scene, and the checks of what is expected of them.
+    pub(super) fn probes(&mut self, scene: &Scene) -> Vec<(String, Probe)> {
+        let mut probes = Vec::new();
+        for (name, spec) in &scene.probes {
+            let found = spec.resolve(&self.model, self.registry);
+            probes.extend(self.noted(&at("probes").key(name), found).map(|p| (name.clone(), p)));
+        }
+        for (name, expected) in &scene.expect {
+            let path = at("expect").key(name);
+            let known = MEASURES.into_iter().chain(scene.probes.keys().map(String::as_str));
+            if !known.clone().any(|k| k == name) {
+                self.problems.push(Problem::of_entry(&path, SpecError::unknown("", "measure or probe", name, known)));
+            }
+            if expected.rel.is_none() && expected.abs.is_none() {
+                self.problem(path, format!("how near `{name}` must be is missing: give `rel` or `abs`"));
+            }
+        }
+        probes
+    }
+}

@@ -37,7 +37,7 @@ fn mark<const K: usize>(mut timer: ResMut<StepTimer>) {
 
 /// Adds the markers to the schedule of the time step; call it before the model is built.
 pub fn install(sim: &mut Simulation) {
-    sim.world.insert_resource(StepTimer { countdown: 0, last: Instant::now(), nanoseconds: [0; SETS] });
+    sim.world.insert_resource(StepTimer { countdown: 2, last: Instant::now(), nanoseconds: [0; SETS] });
     let [a, b, c, d, e, f, g, h, i, j] = StepSet::ORDER;
     sim.schedule.add_systems(
         (

@@ -41,6 +41,8 @@ pub struct PointResults {
     pub axial: Vec<f64>,
     /// Largest bending moment of the same (force x length).
     pub bending: Vec<f64>,
+    /// Root mean square over all segments of the resultant of axial and shear force (force).
+    pub typical_force: f64,
 }
 
 fn key(a: u32, b: u32) -> (u32, u32) {
@@ -107,12 +109,13 @@ impl Lines {
 
     /// Section forces of the elements and of the implicit axial bars, brought to the points.
     pub fn results(&self, world: &mut World) -> PointResults {
-        let mut of_segment = vec![(0.0, 0.0f64); self.start[self.start.len() - 1]];
+        let mut of_segment = vec![(0.0, 0.0f64, 0.0f64); self.start[self.start.len() - 1]];
         let segment = |rows: &[u32]| rows.get(..2).and_then(|r| self.segments.get(&key(r[0], r[1])).copied());
         each_section(world, &mut |rows, force| {
             if let Some(s) = segment(rows).filter(|_| rows.len() == 2) {
                 of_segment[s].0 += force.axial;
                 of_segment[s].1 = of_segment[s].1.max(force.bending.abs());
+                of_segment[s].2 += force.shear;
             }
         });
         for (bar, tension) in world.query::<(&AxialBar, &Tension)>().iter(world) {
@@ -120,7 +123,8 @@ impl Lines {
                 of_segment[s].0 += tension.0;
             }
         }
-        let mut out = PointResults::default();
+        let squares: f64 = of_segment.iter().map(|s| s.0 * s.0 + s.2 * s.2).sum();
+        let mut out = PointResults { typical_force: (squares / of_segment.len().max(1) as f64).sqrt(), ..Default::default() };
         for (l, first) in self.lines.iter().zip(&self.start) {
             let s = &of_segment[*first..first + l.rows.len() - 1];
             for i in 0..l.rows.len() {

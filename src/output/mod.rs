@@ -1,10 +1,30 @@
 //! What a run leaves behind: ParaView frames, pictures, histories, plots, a summary.
+//!
+//! | file | content |
+//! |---|---|
+//! | `recorder.rs` | watches a run and fills its folder |
+//! | `sampling.rs` | when something is written |
+//! | `history.rs`, `summary.rs` | `history.csv`, `summary.json` and the hash of the state |
+//! | `lines.rs`, `frame.rs`, `vtp.rs` | the lines of a model as ParaView polylines |
+//! | `picture.rs`, `render/` | shaded tubes as PNG |
+//! | `plot.rs` | diagrams as SVG |
+//! | `measured.rs`, `quality.rs` | what a scene asks to be measured; how good the state is |
+//! | `timing.rs` | wall time of a step by set |
+//! | `file.rs` | whole files or none, folders that are never overwritten silently |
 pub mod file;
 pub mod frame;
 pub mod history;
 pub mod lines;
+pub mod measured;
+pub mod picture;
 pub mod plot;
+pub mod quality;
+pub mod recorder;
 pub mod render;
 pub mod sampling;
 pub mod summary;
+pub mod timing;
 pub mod vtp;
+
+pub use file::OutputError;
+pub use recorder::{Outcome, Recorder};

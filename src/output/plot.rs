@@ -158,13 +158,30 @@ fn draw(area: &Area<'_>, plot: &Plot) {
     if plot.series.iter().any(|s| !s.label.is_empty()) {
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(emptiest_corner(&curves, x, y))
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .label_font(("sans-serif", 13))
             .draw()
             .expect(SVG);
     }
+}
+
+/// The corner in whose third of the diagram the fewest points lie.
+fn emptiest_corner(curves: &[Vec<[f64; 4]>], x: (f64, f64), y: (f64, f64)) -> SeriesLabelPosition {
+    use SeriesLabelPosition as P;
+    let third = |v: f64, range: (f64, f64)| (3.0 * (v - range.0) / (range.1 - range.0)).floor().clamp(0.0, 2.0) as usize;
+    // Curves of many points must not drown those of few.
+    let crowd = |cx: usize, cy: usize| -> f64 {
+        let part = |c: &Vec<[f64; 4]>| {
+            let inside = c.iter().filter(|p| third(p[0], x) == cx && third(p[1], y) == cy).count();
+            inside as f64 / c.len().max(1) as f64
+        };
+        curves.iter().map(part).sum()
+    };
+    let corners = [(P::UpperRight, 2, 2), (P::LowerRight, 2, 0), (P::UpperLeft, 0, 2), (P::LowerLeft, 0, 0)];
+    let best = corners.into_iter().min_by(|a, b| crowd(a.1, a.2).total_cmp(&crowd(b.1, b.2)));
+    best.map_or(P::UpperRight, |b| b.0)
 }
 
 /// A linear coordinate with its own ticks and labels.

@@ -1,0 +1,76 @@
+//! `braid-ecs check SCENE`: reads and builds a scene, and tells what a run would be like.
+use super::SceneArgs;
+use super::message::{Failure, out};
+use super::progress::duration_text;
+use super::run::{expected_duration, notes};
+use crate::run;
+use crate::scene;
+use crate::simulation::{Failure as Broken, NodeRows, Plugin, Simulation, SimulationError};
+use crate::step::Clock;
+use clap::Args;
+use std::time::{Duration, Instant};
+
+/// Arguments of a check.
+#[derive(Args, Debug)]
+pub(super) struct CheckArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+}
+
+/// Steps are tried for this long to measure their speed, at most [`TRIED`] of them.
+const TRY_FOR: Duration = Duration::from_millis(400);
+const TRIED: u64 = 200;
+
+/// Checks a scene and prints what a run would be like. Nothing is written.
+pub(super) fn check(args: &CheckArgs, plugins: impl Plugin + Send) -> Result<(), Failure> {
+    args.scene.with_threads(|| try_out(args, plugins))?
+}
+
+fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
+    let mut sim = Simulation::new(plugins);
+    let loaded = scene::load(&args.scene.scene, &args.scene.sets, &sim.registry)?;
+    let (model, units) = (&loaded.model, loaded.scene.units);
+    sim.build(model)?;
+    run::start(&mut sim, model)?;
+    let row = |name: &str, text: String| out(&format!("  {name:<12} {text}"));
+    out(&format!("{}: the scene is sound", args.scene.scene.display()));
+    let dummies = model.nodes.iter().filter(|n| n.dummy).count();
+    let rows = sim.world.resource::<NodeRows>().len();
+    row("nodes", format!("{} ({dummies} dummy, {} tied), {rows} rows", model.nodes.len(), model.ties.len()));
+    let kinds = sim.registry.elements.iter().map(|k| (k.name, (k.count)(model))).filter(|k| k.1 > 0);
+    row("elements", kinds.map(|(name, n)| format!("{n} {name}")).collect::<Vec<_>>().join(", "));
+    row("filaments", model.filaments.len().to_string());
+    row("constraints", format!("{} periodic pairs, {} equations", model.periodic.len(), model.equations.len()));
+    let begin = Instant::now();
+    while begin.elapsed() < TRY_FOR && sim.world.resource::<Clock>().step < TRIED {
+        sim.step();
+        if let Some(message) = sim.world.resource::<Broken>().0.clone() {
+            let c = sim.world.resource::<Clock>();
+            return Err(SimulationError::Numerical { time: c.time, step: c.step, message }.into());
+        }
+    }
+    let clock = sim.world.resource::<Clock>().clone();
+    let per_step = begin.elapsed().as_secs_f64() / clock.step.max(1) as f64;
+    row("time step", format!("{:.3e} {}, limit {:.3e} by {}", clock.dt_target, units.time(), clock.dt_limit, clock.limited_by));
+    match expected_duration(model, clock.dt_target) {
+        Some(duration) => {
+            let steps = duration / clock.dt_target;
+            row("steps", format!("about {steps:.0} to t = {duration:.4e} {}", units.time()));
+            let speed = format!("{:.1} us a step with {} threads, from {} steps", 1e6 * per_step, rayon::current_num_threads(), clock.step);
+            row("duration", format!("about {} ({speed}; contacts come on top)", duration_text(steps * per_step)));
+        }
+        None => row("steps", "unknown: the end depends on the steady state alone".into()),
+    }
+    if let Some(memory) = peak_memory() {
+        row("memory", format!("{memory:.0} MiB"));
+    }
+    notes(&sim);
+    Ok(())
+}
+
+/// Largest memory of this process so far in MiB, where the system tells (Linux).
+fn peak_memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
+}

@@ -1,0 +1,89 @@
+//! What can go wrong, how it is said, and the exit code it gives.
+use crate::output::OutputError;
+use crate::scene::error::SceneErrors;
+use crate::simulation::SimulationError;
+use std::io::{IsTerminal, Write};
+
+/// Why a command did not finish.
+#[derive(Debug)]
+pub enum Failure {
+    /// Arguments that make no sense.
+    Usage(String),
+    /// The scene is invalid or cannot be read.
+    Scene(Box<SceneErrors>),
+    /// The model cannot be built or the run has failed.
+    Simulation(SimulationError),
+    /// A result cannot be written.
+    Output(OutputError),
+}
+
+impl Failure {
+    /// The exit code; see the table of [`crate::cli`].
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Failure::Usage(_) => 2,
+            Failure::Scene(e) => e.category.exit_code(),
+            Failure::Simulation(SimulationError::Numerical { .. }) => 5,
+            Failure::Simulation(_) => 3,
+            Failure::Output(_) => 4,
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Failure::Usage(e) => format!("error: {e}"),
+            Failure::Scene(e) => format!("error: {e}"),
+            Failure::Simulation(e) => format!("error: {e}"),
+            Failure::Output(e @ OutputError::Occupied { .. }) => {
+                format!("error: {e}\n  help: choose another folder with --out DIR, or add --force to move the old results aside")
+            }
+            Failure::Output(e) => format!("error: {e}"),
+        }
+    }
+}
+
+impl From<SceneErrors> for Failure {
+    fn from(e: SceneErrors) -> Self {
+        Failure::Scene(Box::new(e))
+    }
+}
+
+impl From<SimulationError> for Failure {
+    fn from(e: SimulationError) -> Self {
+        Failure::Simulation(e)
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(e: OutputError) -> Self {
+        Failure::Output(e)
+    }
+}
+
+/// Prints a failure on standard error: with the source text on a terminal, one plain line per
+/// problem (`file:line:column: message`) elsewhere.
+pub(super) fn print(failure: &Failure) {
+    if let Failure::Scene(errors) = failure
+        && std::io::stderr().is_terminal()
+    {
+        let handler = miette::GraphicalReportHandler::new();
+        let mut all = String::new();
+        for e in &errors.errors {
+            if handler.render_report(&mut all, e).is_err() {
+                return line(&failure.text());
+            }
+        }
+        return line(&all);
+    }
+    line(&failure.text());
+}
+
+/// A line on standard error; a closed pipe is no reason to fail.
+pub(super) fn line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// A line on standard output; a closed pipe is no reason to fail.
+pub(super) fn out(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{text}");
+}

@@ -1,0 +1,117 @@
+//! The command line: arguments, progress, messages, exit codes. One file per command.
+//!
+//! | code | meaning |
+//! |---|---|
+//! | 0 | done |
+//! | 2 | usage: unknown option, malformed or unknown `--set` |
+//! | 3 | the scene is invalid |
+//! | 4 | a file cannot be read or written |
+//! | 5 | numerical failure during the run; what was computed is kept |
+mod check;
+mod message;
+mod progress;
+mod report;
+mod run;
+
+pub use message::Failure;
+
+use crate::simulation::Plugin;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Simulates dry-fibre braids and filament bundles.
+#[derive(Parser, Debug)]
+#[command(name = "braid-ecs", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
+#[command(after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    scene: Option<SceneArgs>,
+    #[command(flatten)]
+    run: run::RunArgs,
+}
+
+/// Everything but a run.
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Read and build a scene without running it: sizes, time step, expected duration.
+    Check(check::CheckArgs),
+}
+
+/// The scene and changes to it.
+#[derive(Args, Debug, Clone)]
+pub(crate) struct SceneArgs {
+    /// The scene file (.ron).
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Change one value of the scene: `--set tow.filaments=19`. May be given several times.
+    #[arg(long = "set", value_name = "PATH=VALUE", value_parser = parse_set)]
+    sets: Vec<(String, String)>,
+    /// Threads to use (default: all processors).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+fn parse_set(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((path, value)) if !path.trim().is_empty() && !value.trim().is_empty() => Ok((path.trim().into(), value.trim().into())),
+        _ => Err("expected PATH=VALUE, for example contact.friction=0.3".into()),
+    }
+}
+
+impl SceneArgs {
+    /// Runs `work` in a pool with the wanted number of threads.
+    fn with_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.map_or(0, usize::from)).build();
+        Ok(pool.map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", self.threads.unwrap_or(0))))?.install(work))
+    }
+}
+
+/// The program: reads the arguments, does what they say, returns the exit code. A binary with
+/// plugins of its own calls it with `(systems::default_plugins, my::plugin)`.
+pub fn main(plugins: impl Plugin + Send) -> ExitCode {
+    // clap prints its own messages and leaves with 0 (help, version) or 2.
+    let cli = Cli::parse();
+    let done = match (cli.command, cli.scene) {
+        (Some(Command::Check(args)), _) => check::check(&args, plugins),
+        (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
+        (None, None) => Err(Failure::Usage("no scene was given".into())),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            message::print(&failure);
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_scene_runs_and_check_checks() {
+        let cli = Cli::try_parse_from(["braid-ecs", "a.ron", "--set", "tow.filaments=19", "--set", "x = a=b", "--threads", "2"]).unwrap();
+        assert!(cli.command.is_none());
+        let scene = cli.scene.unwrap();
+        assert_eq!(scene.scene, PathBuf::from("a.ron"));
+        assert_eq!(scene.sets, [("tow.filaments".into(), "19".into()), ("x".into(), "a=b".into())]);
+        assert_eq!(scene.threads, Some(2));
+        let cli = Cli::try_parse_from(["braid-ecs", "check", "a.ron", "--set", "seed=2"]).unwrap();
+        assert!(matches!(cli.command, Some(Command::Check(c)) if c.scene.sets.len() == 1));
+        for bad in
+            [&["braid-ecs", "a.ron", "--set", "seed"][..], &["braid-ecs", "a.ron", "--threads", "0"], &["braid-ecs", "a.ron", "--no"]]
+        {
+            assert_eq!(Cli::try_parse_from(bad).unwrap_err().exit_code(), 2, "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! `braid-ecs SCENE`: runs a scene.
+use super::message::{self, Failure};
+use super::progress::{Progress, Watcher};
+use super::{SceneArgs, report};
+use crate::model::Model;
+use crate::output::{Outcome, Recorder, file, timing};
+use crate::run::{self, Status};
+use crate::scene::load;
+use crate::simulation::{Notes, Plugin, Simulation, SimulationError};
+use crate::systems::time_step::stable_limit;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of a run besides the scene.
+#[derive(Args, Debug)]
+pub(super) struct RunArgs {
+    /// Output folder [default: results/<scene>].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Move results of an earlier run aside (to <folder>.1, .2, ...) instead of refusing.
+    #[arg(long)]
+    force: bool,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Elements from which a step is long enough to be timed by set at no visible cost.
+const TIMED_FROM: usize = 1000;
+
+/// Runs a scene, prints the outcome.
+pub(super) fn run(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin + Send) -> Result<(), Failure> {
+    let outcome = scene.with_threads(|| simulate(scene, args, plugins))??;
+    if !args.quiet {
+        report::print(&outcome);
+    }
+    Ok(())
+}
+
+fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<Outcome, Failure> {
+    let mut sim = Simulation::new(plugins);
+    let loaded = load(&scene.scene, &scene.sets, &sim.registry)?;
+    let model = &loaded.model;
+    if elements(&sim, model) >= TIMED_FROM {
+        timing::install(&mut sim);
+    }
+    sim.build(model)?;
+    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("results").join(loaded.name()));
+    if let Some(aside) = file::claim_folder(&folder, args.force)?
+        && !args.quiet
+    {
+        message::line(&format!("earlier results moved to {}", aside.display()));
+    }
+    if !args.quiet {
+        notes(&sim);
+    }
+    let dt = model.integration.dt.unwrap_or_else(|| model.integration.safety * stable_limit(&mut sim.world).0);
+    let duration = expected_duration(model, dt);
+    let mut recorder = Recorder::new(&loaded, &mut sim, &folder, duration)?;
+    // Often enough for the progress to move, and for the recorder.
+    let interval = recorder.interval(dt).min(duration.unwrap_or(f64::INFINITY) / 400.0);
+    let progress = Progress::new(duration, loaded.scene.units.time(), args.quiet);
+    let mut watcher = Watcher { recorder: &mut recorder, progress };
+    let ended = run::run(&mut sim, model, interval, &mut watcher);
+    watcher.progress.clear();
+    if let Some(error) = recorder.error() {
+        return Err(error.into());
+    }
+    match ended {
+        Ok(status) => {
+            let word = match status {
+                Status::Converged => "converged",
+                Status::Completed => "completed",
+                Status::Stopped => "stopped",
+            };
+            Ok(recorder.finish(&mut sim, word)?)
+        }
+        Err(error @ SimulationError::Numerical { .. }) => {
+            // What was computed is kept; the numerical failure is the error to report.
+            if let Err(second) = recorder.finish(&mut sim, "failed") {
+                message::line(&format!("also: {second}"));
+            }
+            message::line(&format!("what was computed is in {}", folder.display()));
+            Err(error.into())
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Number of elements of all kinds.
+pub(super) fn elements(sim: &Simulation, model: &Model) -> usize {
+    sim.registry.elements.iter().map(|k| (k.count)(model)).sum()
+}
+
+/// Prints what the user should know about the way the model is run.
+pub(super) fn notes(sim: &Simulation) {
+    for note in sim.world.get_resource::<Notes>().map_or(&[][..], |n| &n.0) {
+        message::line(&format!("note: {note}"));
+    }
+}
+
+/// When the run will probably end (time): end time, steps, or the earliest steady state.
+pub(super) fn expected_duration(model: &Model, dt: f64) -> Option<f64> {
+    let stop = &model.stop;
+    let steady = stop.steady.as_ref().map(|s| s.earliest.max(f64::from(s.repeats + 1) * s.interval));
+    let steps = stop.steps.map(|n| n as f64 * dt);
+    [stop.time, steady, steps].into_iter().flatten().filter(|d| d.is_finite() && *d > 0.0).reduce(f64::min)
+}

@@ -1,0 +1,93 @@
+//! What a scene asks to be measured: probes at every sample, measures at the end.
+use super::history::Column;
+use super::render::Surface;
+use super::summary::{Measure, finite};
+use crate::components::NodeId;
+use crate::measure::{Estimate, Heights, Probe, Quantity, braid_measures, position};
+use crate::model::Model;
+use crate::scene::LoadedScene;
+use crate::scene::units::UnitSystem;
+use crate::simulation::Simulation;
+use std::collections::BTreeMap;
+
+/// Named probes with their running values.
+#[derive(Default)]
+pub struct Probes {
+    list: Vec<(String, Probe, String)>,
+    values: Vec<Option<f64>>,
+}
+
+impl Probes {
+    /// Probes by name; the unit system gives the units in headers.
+    pub fn new(probes: Vec<(String, Probe)>, units: UnitSystem) -> Self {
+        let list: Vec<_> = probes.into_iter().map(|(name, p)| (name, unit(p.quantity(), units), p)).map(|(n, u, p)| (n, p, u)).collect();
+        Probes { values: vec![None; list.len()], list }
+    }
+
+    /// Columns of the history.
+    pub fn columns(&self) -> impl Iterator<Item = Column> + '_ {
+        self.list.iter().map(|(name, _, unit)| Column::new(name.clone(), unit.clone()))
+    }
+
+    /// Reads all probes now; the largest or smallest so far where the probe is one.
+    pub fn sample(&mut self, sim: &mut Simulation) -> Vec<f64> {
+        for ((_, probe, _), value) in self.list.iter().zip(&mut self.values) {
+            *value = Some(probe.reduce().fold(*value, probe.evaluate(&mut sim.world)));
+        }
+        self.values.iter().map(|v| v.unwrap_or(f64::NAN)).collect()
+    }
+
+    /// Name and last value.
+    pub fn values(&self) -> BTreeMap<String, Option<f64>> {
+        self.list.iter().zip(&self.values).map(|((name, ..), v)| (name.clone(), v.and_then(finite))).collect()
+    }
+
+    /// Name, last value and unit, in the order of the scene.
+    pub fn table(&self) -> impl Iterator<Item = (&str, Option<f64>, &str)> {
+        self.list.iter().zip(&self.values).map(|((name, _, unit), v)| (name.as_str(), *v, unit.as_str()))
+    }
+}
+
+/// Unit of a quantity.
+pub fn unit(quantity: Quantity, units: UnitSystem) -> String {
+    match quantity {
+        Quantity::Length => units.length().into(),
+        Quantity::Angle => "rad".into(),
+        Quantity::Velocity => units.velocity(),
+        Quantity::Force => units.force().into(),
+        Quantity::Moment => units.moment(),
+        Quantity::Energy => units.energy().into(),
+        Quantity::Time => units.time().into(),
+        Quantity::Number => "-".into(),
+    }
+}
+
+/// The measures of the present state: cell length, and of a braid angle (degrees) and thickness.
+pub fn measures(model: &Model, sim: &mut Simulation, units: UnitSystem) -> BTreeMap<String, Measure> {
+    let of = |e: Estimate, unit: &str| Measure { mean: finite(e.mean), ci95: e.ci95.and_then(finite), n: e.n, unit: unit.into() };
+    let single = |v: f64| Measure { mean: finite(v), ci95: None, n: 1, unit: units.length().into() };
+    let mut out = BTreeMap::new();
+    if let Some(braid) = braid_measures(model, &mut sim.world, heights(model)) {
+        out.insert("length".into(), single(braid.length));
+        out.insert("angle".into(), of(braid.angle.scaled(180.0 / std::f64::consts::PI), "deg"));
+        out.insert("thickness".into(), of(braid.thickness, units.length()));
+    } else if let Some(first) = model.nodes.iter().position(|n| n.dummy) {
+        out.insert("length".into(), single(position(&sim.world, NodeId(first as u32)).length()));
+    }
+    out
+}
+
+/// From where the heights of a braid are measured.
+fn heights(_model: &Model) -> Heights {
+    Heights::Radial
+}
+
+/// Probes of a scene.
+pub fn probes(loaded: &LoadedScene) -> Vec<(String, Probe)> {
+    loaded.probes.clone()
+}
+
+/// Rigid surfaces of a model, for pictures.
+pub fn surfaces(_model: &Model) -> Vec<Surface> {
+    Vec::new()
+}

@@ -1,0 +1,341 @@
+//! The recorder: watches a run and fills its output folder.
+//!
+//! | file | when |
+//! |---|---|
+//! | `scene.resolved.ron` | at the start: the scene with every default filled in |
+//! | `history.csv` | a row per sample |
+//! | `frames/*.vtp`, `results.pvd` | a frame per sample |
+//! | `initial.png`, `final.png` | at the start and the end |
+//! | `history.svg` | at the end |
+//! | `summary.json` | last of all: where it exists, the run is over and everything is there |
+use super::file::{OutputError, write_atomic};
+use super::frame::frame;
+use super::history::{Column, History};
+use super::lines::Lines;
+use super::measured::{Probes, measures, probes, surfaces};
+use super::picture::Scenery;
+use super::plot::{Axis, Plot, Series, panels};
+use super::render::render;
+use super::sampling::Sampler;
+use super::summary::{DtLimit, Energies, Quality, Summary, cpu_seconds, finite, state_hash};
+use super::{quality, timing, vtp};
+use crate::assembly::{KindReports, node_states};
+use crate::ledger::{ContactSummary, EnergyLedger};
+use crate::model::Model;
+use crate::run::Observer;
+use crate::scene::LoadedScene;
+use crate::scene::units::UnitSystem;
+use crate::simulation::{NodeRows, Simulation, SimulationError};
+use crate::step::Clock;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Size of the pictures in pixels.
+const PICTURE: (u32, u32) = (1000, 750);
+
+/// Watches a run and fills its output folder. Errors of files are kept and stop the run; ask with
+/// [`Recorder::error`].
+pub struct Recorder<'a> {
+    folder: PathBuf,
+    model: &'a Model,
+    name: String,
+    units: UnitSystem,
+    provenance: Vec<(String, String)>,
+    lines: Lines,
+    scenery: Option<Scenery>,
+    probes: Probes,
+    dummies: Vec<(String, usize)>,
+    history: Option<History>,
+    history_sampler: Sampler,
+    frame_sampler: Sampler,
+    frames: Vec<(f64, String)>,
+    plots: bool,
+    started: bool,
+    /// Step of the last history row and of the last frame.
+    last: (Option<u64>, Option<u64>),
+    begin: Instant,
+    cpu_begin: Option<f64>,
+    /// Seconds spent on writing, which do not count for the speed of the steps.
+    writing: f64,
+    error: Option<OutputError>,
+}
+
+impl<'a> Recorder<'a> {
+    /// A recorder for a simulation that has been built from the scene, in a folder that exists.
+    /// `duration` is the expected length of the run (time), for samplings by count.
+    ///
+    /// # Errors
+    /// What the operating system says about the first files.
+    pub fn new(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Result<Self, OutputError> {
+        let resolved = loaded.resolved();
+        write_atomic(&folder.join("scene.resolved.ron"), resolved.as_bytes())?;
+        let (model, output, units) = (&loaded.model, &loaded.scene.output, loaded.scene.units);
+        let lines = Lines::of(model, sim);
+        let rows = sim.world.resource::<NodeRows>();
+        let dummies = model.nodes.iter().enumerate().filter(|(_, n)| n.dummy).map(|(i, _)| {
+            let id = crate::components::NodeId(i as u32);
+            let name = model.node_names.iter().find(|(_, n)| **n == id).map_or(format!("node {i}"), |(name, _)| name.clone());
+            (format!("length {name}"), rows.of(id))
+        });
+        let mut recorder = Recorder {
+            folder: folder.to_owned(),
+            model,
+            name: loaded.name(),
+            units,
+            provenance: provenance(loaded, &resolved),
+            dummies: dummies.collect(),
+            scenery: None,
+            probes: Probes::new(probes(loaded), units),
+            history: None,
+            history_sampler: Sampler::new(output.history, duration),
+            frame_sampler: Sampler::new(output.frames, duration),
+            frames: Vec::new(),
+            plots: output.plots,
+            started: false,
+            last: (None, None),
+            begin: Instant::now(),
+            cpu_begin: cpu_seconds(),
+            writing: 0.0,
+            error: None,
+            lines,
+        };
+        if output.pictures && !recorder.lines.lines.is_empty() {
+            recorder.scenery = Some(Scenery::of(model, &recorder.lines, surfaces(model), sim));
+        }
+        if recorder.history_sampler.wanted() {
+            let columns = recorder.columns();
+            recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
+        }
+        if recorder.frame_sampler.wanted() {
+            let frames = folder.join("frames");
+            std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))?;
+        }
+        Ok(recorder)
+    }
+
+    /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.
+    pub fn interval(&self, dt: f64) -> f64 {
+        let of = |s: &Sampler| s.interval().or(s.steps().map(|n| 0.5 * n as f64 * dt)).unwrap_or(f64::INFINITY);
+        of(&self.history_sampler).min(of(&self.frame_sampler))
+    }
+
+    /// The first error of a file, if there was one; the run stops on it.
+    pub fn error(&mut self) -> Option<OutputError> {
+        self.error.take()
+    }
+
+    /// The probes with their last values.
+    pub fn probes(&self) -> &Probes {
+        &self.probes
+    }
+
+    fn columns(&self) -> Vec<Column> {
+        let energy = ["external work", "kinetic", "strain", "contact", "friction", "damping", "axial damping"];
+        let mut c = vec![Column::new("time", self.units.time()), Column::new("step", "-"), Column::new("dt", self.units.time())];
+        c.extend(energy.map(|n| Column::new(n, self.units.energy())));
+        c.push(Column::new("balance error", "-"));
+        c.extend(["contact records", "active contacts", "max penetration to radius"].map(|n| Column::new(n, "-")));
+        c.push(Column::new("contact force", self.units.force()));
+        c.extend(self.dummies.iter().map(|(name, _)| Column::new(name.clone(), self.units.length())));
+        c.extend(self.probes.columns());
+        c
+    }
+
+    fn row(&mut self, sim: &mut Simulation) -> Vec<f64> {
+        let clock = sim.world.resource::<Clock>().clone();
+        let e = ledger(sim);
+        let contacts = contacts(sim);
+        let mut row = vec![clock.time, clock.step as f64, clock.dt];
+        row.extend([e.external_work, e.kinetic, e.strain, e.contact, e.friction, e.damping, e.axial, e.balance_error()]);
+        row.extend([contacts.records as f64, contacts.active as f64, contacts.max_penetration_to_radius, contacts.total_force]);
+        let states = node_states(&mut sim.world);
+        row.extend(self.dummies.iter().map(|(_, r)| states[*r].x.length()));
+        row.extend(self.probes.sample(sim));
+        row
+    }
+
+    fn write_row(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        let step = sim.world.resource::<Clock>().step;
+        if self.last.0 == Some(step) {
+            return Ok(());
+        }
+        let row = self.row(sim);
+        self.last.0 = Some(step);
+        self.history.as_mut().map_or(Ok(()), |h| h.row(&row))
+    }
+
+    fn write_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        let (time, step) = (sim.world.resource::<Clock>().time, sim.world.resource::<Clock>().step);
+        if self.lines.lines.is_empty() || self.last.1 == Some(step) {
+            return Ok(());
+        }
+        self.last.1 = Some(step);
+        let name = format!("frames/{:04}.vtp", self.frames.len());
+        vtp::write(&self.folder.join(&name), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
+        self.frames.push((time, name));
+        vtp::write_series(&self.folder.join("results.pvd"), &self.frames)
+    }
+
+    fn write_picture(&mut self, sim: &mut Simulation, name: &str) -> Result<(), OutputError> {
+        let Some(scenery) = &self.scenery else { return Ok(()) };
+        let texts: Vec<(&str, &str)> = self.provenance.iter().map(|(k, v)| (k.as_str(), v.as_str())).collect();
+        render(&scenery.picture(&self.lines, sim), PICTURE.0, PICTURE.1).write_png(&self.folder.join(name), &texts)
+    }
+
+    fn observe(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        let (time, step) = (sim.world.resource::<Clock>().time, sim.world.resource::<Clock>().step);
+        let first = !self.started;
+        if first {
+            self.started = true;
+            self.write_picture(sim, "initial.png")?;
+        }
+        if self.history_sampler.due(time, step) || first {
+            self.write_row(sim)?;
+        }
+        if (self.frame_sampler.due(time, step) || first) && self.frame_sampler.wanted() {
+            self.write_frame(sim)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what belongs to the end and returns the summary. `status` is that of the summary.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn finish(mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
+        let wall = self.begin.elapsed().as_secs_f64();
+        let cpu = cpu_seconds().zip(self.cpu_begin).map(|(b, a)| b - a);
+        self.write_row(sim)?;
+        if self.frame_sampler.wanted() {
+            self.write_frame(sim)?;
+        }
+        self.write_picture(sim, "final.png")?;
+        if self.plots
+            && let Some(history) = &self.history
+        {
+            write_atomic(&self.folder.join("history.svg"), self.plot(history).as_bytes())?;
+        }
+        let summary = self.summary(sim, status, wall, cpu);
+        summary.write(&self.folder.join("summary.json"))?;
+        Ok(Outcome { summary, probes: self.probes, units: self.units, folder: self.folder })
+    }
+
+    fn plot(&self, history: &History) -> String {
+        let time = || Axis::linear(format!("time [{}]", self.units.time()));
+        let mut plots = Vec::new();
+        if !self.dummies.is_empty() {
+            let series = self.dummies.iter().map(|(name, _)| {
+                let label = if self.dummies.len() > 1 { name.trim_start_matches("length ") } else { "" };
+                Series::line(label, history.points("time", name))
+            });
+            plots.push(Plot {
+                title: self.name.clone(),
+                x: time(),
+                y: Axis::linear(format!("length [{}]", self.units.length())),
+                series: series.collect(),
+            });
+        }
+        let names = ["external work", "strain", "kinetic", "contact", "friction", "damping", "axial damping"];
+        // Rounding noise of the first steps would stretch the axis over thirty decades.
+        let curves = names.map(|n| (n, history.points("time", n)));
+        let largest = curves.iter().flat_map(|c| &c.1).fold(0.0f64, |m, p| m.max(p.1));
+        let series = curves.map(|(n, points)| Series::line(n, points.into_iter().filter(|p| p.1 > 1e-7 * largest).collect()));
+        plots.push(Plot {
+            title: if plots.is_empty() { self.name.clone() } else { String::new() },
+            x: time(),
+            y: Axis::log(format!("energy [{}]", self.units.energy())),
+            series: series.into_iter().filter(|s| !s.points.is_empty()).collect(),
+        });
+        panels(&plots, (900, 400 * plots.len() as u32))
+    }
+
+    fn summary(&mut self, sim: &mut Simulation, status: &str, wall: f64, cpu: Option<f64>) -> Summary {
+        let clock = sim.world.resource::<Clock>().clone();
+        let (e, contacts) = (ledger(sim), contacts(sim));
+        let elements: usize = sim.world.get_resource::<KindReports>().map_or(0, |k| k.0.iter().map(|k| k.count).sum());
+        Summary {
+            scene: self.name.clone(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            status: status.into(),
+            time: finite(clock.time),
+            steps: clock.step,
+            dt: finite(clock.dt),
+            dt_limit: DtLimit { value: finite(clock.dt_limit), by: clock.limited_by },
+            nodes: self.model.nodes.len(),
+            elements,
+            contacts: contacts.active,
+            threads: rayon::current_num_threads(),
+            wall_s: wall,
+            cpu_s: cpu,
+            element_steps_per_s: finite(elements as f64 * clock.step as f64 / (wall - self.writing)),
+            share: timing::share(&sim.world),
+            energy: Energies {
+                external_work: finite(e.external_work),
+                kinetic: finite(e.kinetic),
+                strain: finite(e.strain),
+                contact: finite(e.contact),
+                friction: finite(e.friction),
+                damping: finite(e.damping + e.axial),
+                balance_error: finite(e.balance_error()),
+            },
+            quality: Quality {
+                force_residual: quality::force_residual(&self.lines, sim).and_then(finite),
+                dummy_balance: quality::dummy_balance(self.model, sim).and_then(finite),
+                kinetic_to_work: finite(e.kinetic / e.external_work.abs()),
+                max_penetration_to_radius: finite(contacts.max_penetration_to_radius),
+                p99_penetration_to_radius: finite(contacts.p99_penetration_to_radius),
+            },
+            measures: measures(self.model, sim, self.units),
+            probes: self.probes.values(),
+            state_hash: state_hash(&mut sim.world),
+        }
+    }
+}
+
+impl Observer for Recorder<'_> {
+    fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError> {
+        let begin = Instant::now();
+        if self.error.is_none() {
+            self.error = self.observe(sim).err();
+        }
+        self.writing += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+    fn stop_requested(&self) -> bool {
+        self.error.is_some()
+    }
+}
+
+/// What is left of a run when its files are written.
+pub struct Outcome {
+    /// The content of `summary.json`.
+    pub summary: Summary,
+    /// The probes with their last values.
+    pub probes: Probes,
+    /// Unit system of all numbers.
+    pub units: UnitSystem,
+    /// The output folder.
+    pub folder: PathBuf,
+}
+
+fn ledger(sim: &Simulation) -> EnergyLedger {
+    sim.world.get_resource::<EnergyLedger>().copied().unwrap_or_default()
+}
+
+fn contacts(sim: &Simulation) -> ContactSummary {
+    sim.world.get_resource::<ContactSummary>().copied().unwrap_or_default()
+}
+
+/// What made the files: program, scene and platform. No time of day and no machine name, so that
+/// equal runs give equal files.
+fn provenance(loaded: &LoadedScene, resolved: &str) -> Vec<(String, String)> {
+    let pair = |k: &str, v: String| (k.to_owned(), v);
+    vec![
+        pair("program", format!("braid-ecs {}", env!("CARGO_PKG_VERSION"))),
+        pair("scene", loaded.name()),
+        pair("scene_hash", blake3::hash(resolved.as_bytes()).to_hex()[..16].to_owned()),
+        pair("units", format!("{:?}", loaded.scene.units)),
+        pair("seed", loaded.scene.seed.to_string()),
+        pair("target", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)),
+    ]
+}

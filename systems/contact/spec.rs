@@ -105,3 +105,12 @@ impl ContactSpec {
         Ok(())
     }
 }
+
+impl SceneSettings for ContactSpec {
+    const KEY: &'static str = "contact";
+    const ABOUT: &'static str = "contact with friction between filaments";
+
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        ContactSpec::check(self)
+    }
+}

@@ -40,7 +40,10 @@ impl LoadedScene {
         let path = match error {
             SimulationError::NoMass { node } => format!("nodes[{node}]"),
             SimulationError::Model(m) if m.contains("time step") => "integration.dt".into(),
-            SimulationError::Model(m) => ["mandrel", "contact"].into_iter().find(|k| m.contains(k)).unwrap_or_default().into(),
+            SimulationError::Model(m) => {
+                let about = [("surface", "surfaces"), ("overlap", "contact"), ("contact", "contact")];
+                about.into_iter().find(|(word, _)| m.contains(word)).map_or(String::new(), |(_, key)| key.into())
+            }
             SimulationError::Numerical { .. } => String::new(),
         };
         let problem = Problem::new(Path::parse(&path).unwrap_or_default(), error.to_string());

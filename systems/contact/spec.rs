@@ -106,7 +106,7 @@ impl ContactSpec {
     }
 }
 
-impl SceneSettings for ContactSpec {
+impl Settings for ContactSpec {
     const KEY: &'static str = "contact";
     const ABOUT: &'static str = "contact with friction between filaments";
 

@@ -138,7 +138,7 @@ impl SurfaceSpec {
     }
 }
 
-impl SceneSettings for Surfaces {
+impl Settings for Surfaces {
     const KEY: &'static str = "surfaces";
     const ABOUT: &'static str = "rigid surfaces that filaments lie on: mandrels and floors";
 

@@ -8,6 +8,35 @@ use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessP
 #[serde(transparent)]
 pub struct Surfaces(pub Vec<SurfaceSpec>);
 
+/// The mandrel of a braid: one more rigid surface, with a key of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Mandrel(pub SurfaceSpec);
+
+impl Settings for Surfaces {
+    const KEY: &'static str = "surfaces";
+    const ABOUT: &'static str = "rigid surfaces that filaments lie on, with friction";
+
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        for (k, s) in self.0.iter().enumerate() {
+            s.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
+            if self.0[..k].iter().any(|other| other.name == s.name) {
+                return Err(SpecError::new(format!("[{k}].name"), format!("two surfaces are called `{}`", s.name)));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Settings for Mandrel {
+    const KEY: &'static str = "mandrel";
+    const ABOUT: &'static str = "the rigid bar inside a braid";
+
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        self.0.check()
+    }
+}
+
 /// A rigid surface at rest that filaments lie on: a mandrel, a floor.
 ///
 /// Lying on it, a filament meets the force `line_stiffness` x penetration per length; over an edge

@@ -196,7 +196,7 @@ impl Shape {
         // The plane's normal is its axis, and the first direction of its figure.
         let frame = if section == Section::HalfPlane { DMat3::from_cols(axis, u, v) } else { DMat3::from_cols(u, v, axis) };
         let p = spec.position;
-        Ok(Shape { edges: section.edges(), section, origin: DVec3::new(p[0].0, p[1].0, p[2].0), frame })
+        Ok(Shape { edges: section.edges(), section, origin: DVec3::new(p.0[0].0, p.0[1].0, p.0[2].0), frame })
     }
 
     /// A place in the figure's plane.

@@ -8,6 +8,38 @@ use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessP
 #[serde(transparent)]
 pub struct Surfaces(pub Vec<SurfaceSpec>);
 
+/// The mandrel of a braid: one more rigid surface, with a key of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Mandrel(pub SurfaceSpec);
+
+impl Settings for Surfaces {
+    const KEY: &'static str = "surfaces";
+    const ABOUT: &'static str = "rigid surfaces that filaments lie on, with friction";
+
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        for k in 0..self.0.len() {
+            self.0[k].like_filaments(build.model);
+            let s = &self.0[k];
+            s.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
+            if self.0[..k].iter().any(|other| other.name == s.name) {
+                return Err(SpecError::new(format!("[{k}].name"), format!("two surfaces are called `{}`", s.name)));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Settings for Mandrel {
+    const KEY: &'static str = "mandrel";
+    const ABOUT: &'static str = "the rigid bar inside a braid";
+
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        self.0.like_filaments(build.model);
+        self.0.check()
+    }
+}
+
 /// A rigid surface at rest that filaments lie on: a mandrel, a floor.
 ///
 /// Lying on it, a filament meets the force `line_stiffness` x penetration per length; over an edge
@@ -120,6 +152,11 @@ impl SurfaceSpec {
         }
     }
 
+    /// Takes the friction of the contact between filaments where none is given.
+    fn like_filaments(&mut self, model: &Model) {
+        self.friction.get_or_insert(model.get::<ContactSpec>().map_or(Ratio(0.2), |c| c.friction));
+    }
+
     /// Checks the numbers and the shape.
     ///
     /// # Errors
@@ -135,19 +172,5 @@ impl SurfaceSpec {
             return Err(SpecError::new("axis", "the axis needs a direction").help("[0, 0, 1] is the z axis"));
         }
         super::shape::Section::new(&self.shape).map(|_| ())
-    }
-}
-
-impl Settings for Surfaces {
-    const KEY: &'static str = "surfaces";
-    const ABOUT: &'static str = "rigid surfaces that filaments lie on: mandrels and floors";
-
-    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
-        let friction = build.model.get::<ContactSpec>().map_or(Ratio(0.2), |c| c.friction);
-        for (k, surface) in self.0.iter_mut().enumerate() {
-            surface.friction.get_or_insert(friction);
-            surface.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
-        }
-        Ok(())
     }
 }

@@ -2,7 +2,7 @@
 use super::kernel::{Surface, Touching, edge_contact, edge_step, node_contact, spread};
 use super::records::*;
 use super::shape::Shape;
-use super::spec::{SurfaceSpec, Surfaces};
+use super::spec::{Mandrel, SurfaceSpec, Surfaces};
 use crate::systems::contact::images::Images;
 use crate::systems::contact::law::Law;
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
@@ -12,9 +12,10 @@ use crate::systems::contact::systems::Relaxation;
 use crate::systems::contact::{ContactKind, ContactReport, InitialOverlap, TOLERATED_OVERLAP, install_lines, monitor};
 use braid_ecs::prelude::*;
 
-/// Registers contact with the [`Surfaces`] of the model.
+/// Registers contact with the [`Surfaces`] and the [`Mandrel`] of the model.
 pub fn plugin(sim: &mut Simulation) {
     sim.add_settings::<Surfaces>();
+    sim.add_settings::<Mandrel>();
     sim.add_installer("surfaces", install);
 }
 
@@ -50,7 +51,8 @@ const SKIN: f64 = 2.0;
 const SHARE: f64 = 0.4;
 
 fn install(cx: &mut Install<'_>) {
-    let Some(Surfaces(specs)) = cx.model.get::<Surfaces>().cloned() else { return };
+    let mut specs: Vec<SurfaceSpec> = cx.model.get::<Mandrel>().map(|m| m.0.clone()).into_iter().collect();
+    specs.extend(cx.model.get::<Surfaces>().iter().flat_map(|s| s.0.iter().cloned()));
     if specs.is_empty() {
         return;
     }
@@ -62,7 +64,7 @@ fn install(cx: &mut Install<'_>) {
 fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(), String> {
     let mut surfaces = Vec::new();
     for (k, s) in specs.iter().enumerate() {
-        let at = |e: SpecError| format!("surfaces[{k}].{}: {e}", e.path);
+        let at = |e: SpecError| format!("surface {k} (`{}`), {}: {e}", s.name, e.path);
         s.check().map_err(at)?;
         let law = Law {
             friction: s.friction.map_or(0.2, f64::from),

@@ -1,7 +1,7 @@
 //! Linear multi-point constraints: general equations and periodic pairs, eliminated exactly.
 //!
 //! With the independent degrees of freedom v and all of them T v: velocities and positions of
-//! dependents follow (`impose`), forces go back with the transpose (`condense`), and the mass matrix
+//! dependents follow (`follow_velocities`, `impose`), forces go back with the transpose (`condense`), and the mass matrix
 //! becomes T^t M T. That matrix is diagonal except for the few independents that share a
 //! dependent. A small set of them (the *border*: the dummy node in a periodic cell) covers all the
 //! off-diagonal terms, so that the accelerations follow from one small dense Schur complement,
@@ -256,11 +256,12 @@ fn install(cx: &mut Install<'_>) {
         }
     }
     cx.world.insert_resource(constraints);
+    cx.add_system(StepSet::Constraints, impose);
     if rotational {
-        cx.add_system(StepSet::Constraints, impose_with_rotations);
+        cx.add_system(StepSet::Kinematics, follow_velocities_with_rotations);
         cx.add_system(StepSet::Condensation, condense_with_rotations);
     } else {
-        cx.add_system(StepSet::Constraints, impose);
+        cx.add_system(StepSet::Kinematics, follow_velocities);
         cx.add_system(StepSet::Condensation, condense);
     }
 }
@@ -508,50 +509,47 @@ fn invert(mut a: Vec<f64>, n: usize) -> Option<Vec<f64>> {
     Some(inv)
 }
 
-fn impose(constraints: Res<Constraints>, mut nodes: Query<(&mut Position, &mut Velocity)>) {
-    let (mut x, mut v) = columns(&mut nodes);
-    let (x, v) = (x.bypass_change_detection(), v.bypass_change_detection());
+/// Dependents take their velocities before anything moves, so that orientations and positions of
+/// independents and dependents are integrated over the same step.
+fn follow_velocities(constraints: Res<Constraints>, mut nodes: Query<&mut Velocity>) {
+    let mut v = columns(&mut nodes);
+    let v = v.bypass_change_detection();
     for d in &constraints.dependents {
-        let (row, k) = (d.dof as usize / 6, d.dof as usize % 6);
-        let (mut u, mut rate) = (d.constant, 0.0);
-        for (t, c) in &d.terms {
-            let (r, axis) = (*t as usize / 6, *t as usize % 6);
-            u += c * (x[r].0[axis] - constraints.initial[*t as usize]);
-            rate += c * v[r].0[axis];
-        }
-        x[row].0[k] = constraints.initial[d.dof as usize] + u;
-        v[row].0[k] = rate;
+        v[d.dof as usize / 6].0[d.dof as usize % 6] = d.terms.iter().map(|(t, c)| c * v[*t as usize / 6].0[*t as usize % 6]).sum();
     }
 }
 
-fn impose_with_rotations(
-    clock: Res<Clock>,
-    constraints: Res<Constraints>,
-    mut nodes: Query<(&mut Position, &mut Velocity, &mut AngularVelocity)>,
-) {
-    let (mut x, mut v, mut w) = columns(&mut nodes);
-    let (x, v, w) = (x.bypass_change_detection(), v.bypass_change_detection(), w.bypass_change_detection());
+fn follow_velocities_with_rotations(constraints: Res<Constraints>, mut nodes: Query<(&mut Velocity, &mut AngularVelocity)>) {
+    let (mut v, mut w) = columns(&mut nodes);
+    let (v, w) = (v.bypass_change_detection(), w.bypass_change_detection());
     for d in &constraints.dependents {
+        let rate: f64 = d
+            .terms
+            .iter()
+            .map(|(t, c)| {
+                let (r, k) = (*t as usize / 6, *t as usize % 6);
+                c * if k < 3 { v[r].0[k] } else { w[r].0[k - 3] }
+            })
+            .sum();
         let (row, dof) = (d.dof as usize / 6, d.dof as usize % 6);
-        let (mut u, mut rate) = (d.constant, 0.0);
-        for (t, c) in &d.terms {
-            let (r, k) = (*t as usize / 6, *t as usize % 6);
-            if k < 3 {
-                u += c * (x[r].0[k] - constraints.initial[*t as usize]);
-                rate += c * v[r].0[k];
-            } else {
-                rate += c * w[r].0[k - 3];
-            }
-        }
-        if dof >= 3 {
-            w[row].0[dof - 3] = rate;
-        } else if d.positional {
-            x[row].0[dof] = constraints.initial[d.dof as usize] + u;
+        if dof < 3 {
             v[row].0[dof] = rate;
         } else {
-            x[row].0[dof] += clock.dt * (rate - v[row].0[dof]);
-            v[row].0[dof] = rate;
+            w[row].0[dof - 3] = rate;
         }
+    }
+}
+
+/// Positions of dependents from those of the independents: the equation holds to rounding for ever.
+fn impose(constraints: Res<Constraints>, mut nodes: Query<&mut Position>) {
+    let mut x = columns(&mut nodes);
+    let x = x.bypass_change_detection();
+    for d in constraints.dependents.iter().filter(|d| d.positional) {
+        let mut u = d.constant;
+        for (t, c) in &d.terms {
+            u += c * (x[*t as usize / 6].0[*t as usize % 6] - constraints.initial[*t as usize]);
+        }
+        x[d.dof as usize / 6].0[d.dof as usize % 6] = constraints.initial[d.dof as usize] + u;
     }
 }
 

@@ -6,9 +6,11 @@ pub mod beam;
 pub mod bending;
 pub mod boundary;
 pub mod constraint;
+pub mod contact;
 pub mod energy;
 pub mod integration;
 pub mod load;
+pub mod surface;
 pub mod time_step;
 pub mod truss;
 
@@ -19,6 +21,8 @@ pub fn default_plugins(sim: &mut Simulation) {
     truss::plugin(sim);
     beam::plugin(sim);
     bending::plugin(sim);
+    contact::plugin(sim);
+    surface::plugin(sim);
     constraint::plugin(sim);
     integration::plugin(sim);
     boundary::plugin(sim);

@@ -11,8 +11,8 @@
 //! repeats by translation is one n-th of a turn long, and every tow leaves it where its successor
 //! enters.
 use super::tow::{finite, positive};
-use super::units::{Angle, Length};
 use crate::registry::SpecError;
+use crate::scene::units::{Angle, Length};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};

@@ -19,8 +19,8 @@ mod packing;
 mod polyline;
 mod strand;
 mod tow;
-mod units;
 
+pub use crate::scene::units::{Angle, Length};
 pub use braid::{BraidGeometry, BraidSpec, Cell, Crossing, Hand, Pattern, TowId};
 pub use bundle::{BundleSpec, EndCondition, bundle};
 pub use layout::{BraidLayout, TowLayout};
@@ -28,7 +28,6 @@ pub use packing::{Packing, outer_distance};
 pub use polyline::{PolylineSpec, polyline};
 pub use strand::{StrandSpec, strand};
 pub use tow::{Bending, FilamentModel, Natural, Radii, TowSpec};
-pub use units::{Angle, Length};
 
 use crate::components::NodeId;
 use crate::registry::{Build, Registry, SpecError};

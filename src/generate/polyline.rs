@@ -3,9 +3,9 @@ use super::bundle::finish;
 use super::chain::{Path, lay};
 use super::frame::EndCondition;
 use super::tow::{FilamentModel, Natural, Radii, at_least, finite, material, positive, recipe};
-use super::units::Length;
 use super::{Generated, next_tow};
 use crate::registry::{Build, Registry, SpecError};
+use crate::scene::units::Length;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

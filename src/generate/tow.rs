@@ -13,9 +13,9 @@
 //! real ones, which is the limit of filaments that slide freely on each other.
 use super::chain::{Layer, Recipe};
 use super::packing::Packing;
-use super::units::Length;
 use crate::model::{Material, NaturalShape, Section};
 use crate::registry::{Build, Registry, SpecError};
+use crate::scene::units::Length;
 use serde::{Deserialize, Serialize};
 
 /// Which elements a filament is made of.

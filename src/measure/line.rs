@@ -109,6 +109,12 @@ pub(crate) fn nearest(a: &[DVec3], b: &[DVec3]) -> Option<Nearest> {
     best
 }
 
+/// Smallest distance of two segments (length).
+pub fn segment_distance(p: [DVec3; 2], q: [DVec3; 2]) -> f64 {
+    let (s, t) = segment_parameters(p, q);
+    p[0].lerp(p[1], s).distance(q[0].lerp(q[1], t))
+}
+
 /// Parameters in [0, 1] of the closest points of two segments (Ericson 2005, Real-Time Collision
 /// Detection, section 5.1.9), without absolute tolerances.
 pub(crate) fn segment_parameters(p: [DVec3; 2], q: [DVec3; 2]) -> (f64, f64) {

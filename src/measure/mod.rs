@@ -14,7 +14,7 @@ mod stats;
 mod topology;
 
 pub use crossings::{BraidMeasures, CrossingMeasure, CrossingOptions, Heights, braid_measures, measure_braid, measure_crossing};
-pub use line::{TowLine, Trace, initial_traces, polyline_length, traces};
+pub use line::{TowLine, Trace, initial_traces, polyline_length, segment_distance, traces};
 pub use probe::{Component, EnergyTerm, NodeRef, Probe, ProbeSpec, Quantity, Reduce, SectionTerm, position};
 pub use stats::Estimate;
 pub use topology::{Passage, passages, signed_crossings};

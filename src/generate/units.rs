@@ -1,2 +1,0 @@
-//! Quantities with a unit, as the specifications of the generators use them.
-pub use crate::scene::units::{Angle, Length};

@@ -1,0 +1,162 @@
+//! The contact law of one point: quadratic toe, linear penalty, damping, Coulomb friction with a
+//! tangential spring.
+//!
+//! - Normal spring per unit stiffness: f(g) = g^2 / (2 g0) up to the toe g0, then g - g0 / 2, for
+//!   the penetration g > 0: continuous with its derivative, so touching is no stiffness jump.
+//! - Normal damping c = 2 xi sqrt(k m), faded in over the toe; the sum never pulls.
+//! - Friction after Cundall and Strack (1979): the elastic slip follows the relative motion in the
+//!   tangent plane and is cut back (return mapping) so that k_t |slip| <= mu F_n.
+use super::lane::{Lane, V3};
+
+/// Numbers of the law that all records share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Law {
+    /// Friction coefficient.
+    pub friction: f64,
+    /// Tangential over normal stiffness.
+    pub tangential: f64,
+    /// Damping ratio of the normal spring.
+    pub damping: f64,
+    /// Length of the quadratic toe over the sum of the radii.
+    pub toe: f64,
+    /// Time over which the relative motion is integrated into the slip.
+    pub dt: f64,
+}
+
+/// Where and how two bodies touch.
+#[derive(Clone, Copy, Debug)]
+pub struct Touch<L> {
+    /// Stiffness with all weights (force / length).
+    pub stiffness: L,
+    /// Penetration (length).
+    pub penetration: L,
+    /// Sum of the radii (length).
+    pub reach: L,
+    /// Unit normal towards the first body.
+    pub normal: V3<L>,
+    /// Velocity of the first body relative to the second.
+    pub velocity: V3<L>,
+    /// Mass that moves on the spring.
+    pub mass: L,
+}
+
+/// What the law returns.
+#[derive(Clone, Copy, Debug)]
+pub struct Response<L> {
+    /// Force on the first body.
+    pub force: V3<L>,
+    /// New elastic slip.
+    pub slip: V3<L>,
+    /// Normal force.
+    pub normal_force: L,
+    /// Elastic energy of both springs.
+    pub energy: L,
+    /// Work lost to friction in this step.
+    pub friction: L,
+    /// Work lost to damping in this step.
+    pub damping: L,
+}
+
+/// Evaluates the law; `slip` is the elastic slip of the step before.
+#[inline(always)]
+pub fn respond<L: Lane>(law: &Law, touch: &Touch<L>, slip: V3<L>) -> Response<L> {
+    let (zero, half, one) = (L::splat(0.0), L::splat(0.5), L::splat(1.0));
+    let tiny = L::splat(f64::MIN_POSITIVE);
+    let (k, g) = (touch.stiffness, touch.penetration);
+    let n = touch.normal;
+    let dt = L::splat(law.dt);
+
+    let toe = L::splat(law.toe) * touch.reach;
+    let in_toe = g.less(toe);
+    let fraction = L::pick(in_toe, g / toe.upper(tiny), one);
+    let spring = k * L::pick(in_toe, half * g * fraction, g - half * toe);
+    let normal_energy = k * L::pick(in_toe, g * g * fraction * L::splat(1.0 / 6.0), half * g * (g - toe) + toe * toe * L::splat(1.0 / 6.0));
+
+    let separation = touch.velocity.dot(n);
+    let viscosity = L::splat(2.0 * law.damping) * (k * touch.mass).sqrt() * fraction;
+    let normal_force = (spring - viscosity * separation).upper(zero);
+
+    let before = slip - n * slip.dot(n);
+    let trial = before + (touch.velocity - n * separation) * dt;
+    let kt = k * L::splat(law.tangential);
+    let length = trial.dot(trial).sqrt();
+    let limit = L::splat(law.friction) * normal_force / kt.upper(tiny);
+    let cut = L::pick(limit.less(length), limit / length.upper(tiny), one);
+    let after = trial * cut;
+
+    let live = zero.less(g) & zero.less(k);
+    let mask = |v: L| L::pick(live, v, zero);
+    let (spring, normal_force) = (mask(spring), mask(normal_force));
+    let after = V3::pick(live, after, V3::zero());
+    let force = n * normal_force - after * kt;
+    let friction = half * kt * (before + after).dot(trial - after);
+    let damping = (spring - normal_force) * separation * dt;
+    Response {
+        force,
+        slip: after,
+        normal_force,
+        energy: mask(normal_energy) + half * kt * after.dot(after),
+        friction: mask(friction),
+        damping: mask(damping),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn touch(g: f64, v: [f64; 3]) -> Touch<f64> {
+        Touch {
+            stiffness: 2.0,
+            penetration: g,
+            reach: 1.0,
+            normal: V3::new(0.0, 0.0, 1.0),
+            velocity: V3::new(v[0], v[1], v[2]),
+            mass: 1.0,
+        }
+    }
+    const LAW: Law = Law { friction: 0.3, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 1e-3 };
+
+    #[test]
+    fn force_is_the_derivative_of_the_energy() {
+        for g in [2e-4, 9e-4, 1.1e-3, 0.02] {
+            let e = |g: f64| respond(&LAW, &touch(g, [0.0; 3]), V3::zero()).energy;
+            let h = 1e-7;
+            let f = respond(&LAW, &touch(g, [0.0; 3]), V3::zero()).normal_force;
+            assert!((f - (e(g + h) - e(g - h)) / (2.0 * h)).abs() < 1e-6 * f, "at {g}");
+        }
+        let open = respond(&LAW, &touch(-1e-6, [1.0, 0.0, -5.0]), V3::new(1.0, 0.0, 0.0));
+        assert_eq!((open.normal_force, open.energy, open.slip.x), (0.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn friction_sticks_then_slides_at_the_coulomb_limit() {
+        let mut slip = V3::zero();
+        let mut lost = 0.0;
+        let mut seen_stick = false;
+        let n = respond(&LAW, &touch(0.01, [0.0; 3]), V3::zero()).normal_force;
+        for step in 0..200 {
+            let r = respond(&LAW, &touch(0.01, [0.1, 0.0, 0.0]), slip);
+            slip = r.slip;
+            lost += r.friction;
+            let elastic = 1.0 * 1e-4 * (step + 1) as f64;
+            if elastic < 0.3 * n {
+                assert!((r.force.x + elastic).abs() < 1e-15 && r.friction.abs() < 1e-18);
+                seen_stick = true;
+            } else {
+                assert!((r.force.x + 0.3 * n).abs() < 1e-15);
+            }
+        }
+        assert!(seen_stick);
+        let stored = 0.5 * slip.x * slip.x;
+        let work = 0.3 * n * (200.0 * 1e-4) - 0.5 * (0.3 * n) * (0.3 * n);
+        assert!((lost + stored - work).abs() < 0.02 * work, "{lost} {stored} {work}");
+    }
+
+    #[test]
+    fn damping_never_pulls() {
+        let law = Law { damping: 0.5, ..LAW };
+        assert_eq!(respond(&law, &touch(0.01, [0.0, 0.0, 100.0]), V3::zero()).normal_force, 0.0);
+        assert!(respond(&law, &touch(0.01, [0.0, 0.0, -1.0]), V3::zero()).normal_force > 0.02);
+    }
+}

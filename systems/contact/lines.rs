@@ -1,0 +1,355 @@
+//! Filaments as contact sees them: slots in a row, one per node, with a ghost before and behind.
+//!
+//! A filament with n nodes takes n + 2 slots. The ghosts of a filament that runs through a periodic
+//! face, or of a ring, are the nodes beyond the face, shifted by the period; those of a free end are
+//! not used. A segment has the number of the slot of its first node. The node P' at the end of a
+//! filament that goes on in another one is the node P of that one: it bounds a segment, but does
+//! not look for contacts of its own.
+use super::curve::tangent_stencil;
+use super::images::{Image, Images};
+use braid_ecs::prelude::*;
+use std::collections::BTreeMap;
+
+/// Marks a slot without a row.
+pub const NONE: u32 = u32::MAX;
+
+/// What never changes about a slot.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot {
+    /// Row of the node, [`NONE`] for the ghost of a free end.
+    pub row: u32,
+    /// Image by which the node is shifted (ghosts only).
+    pub image: Image,
+    /// Number of the filament among those with contact.
+    pub filament: u32,
+    /// True if the node looks for contacts.
+    pub looks: bool,
+    /// True if a segment starts here.
+    pub segment: bool,
+    /// True if nothing goes on before the first or behind the last node of the segment.
+    pub free: [bool; 2],
+    /// Contact radius (length).
+    pub radius: f64,
+    /// Half of the length of the segments before and after the node (length).
+    pub half: [f64; 2],
+    /// Mean length of the neighbouring segments (length).
+    pub spacing: f64,
+    /// Length of the segment that starts here (length).
+    pub length: f64,
+    /// Coefficients of the tangent for three slots in a row.
+    pub tangent: [f64; 3],
+    /// Place of the first of them relative to this slot.
+    pub first: isize,
+}
+
+/// Where a segment goes on: the neighbouring segment and the image step to it.
+pub type Link = Option<(u32, Image)>;
+
+/// All filaments with contact.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Lines {
+    /// Slots, filament by filament.
+    pub slots: Vec<Slot>,
+    /// First slot (a ghost) of each filament, and the end.
+    pub start: Vec<u32>,
+    /// Index of each filament in the model.
+    pub model_index: Vec<usize>,
+    /// Number of the chain that each filament is part of (filaments that go on in each other).
+    pub chain: Vec<u32>,
+    /// Segment after and before each segment, by slot.
+    pub links: Vec<[Link; 2]>,
+    /// Period vectors.
+    pub images: Images,
+    /// Row that carries the motion of a dependent periodic node, by row.
+    pub independent: Vec<u32>,
+    /// Mean radius (length).
+    pub mean_radius: f64,
+    /// Mean segment length (length).
+    pub mean_length: f64,
+}
+
+/// Where a filament goes on beyond its last node, and where it comes from.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ends {
+    next: Option<(usize, Image)>,
+    previous: Option<(usize, Image)>,
+}
+
+impl Lines {
+    /// Filaments with contact of a model; `row` maps nodes to rows, `x` gives the initial positions by row.
+    ///
+    /// # Errors
+    /// More than three period vectors, or a filament that ends in two others.
+    pub fn new(model: &Model, row: impl Fn(NodeId) -> usize, x: &[DVec3]) -> Result<Lines, String> {
+        let mut lines = Lines { independent: (0..x.len() as u32).collect(), ..Lines::default() };
+        lines.model_index = (0..model.filaments.len()).filter(|&f| model.filaments[f].contact && model.filaments[f].nodes.len() > 1).collect();
+        if lines.model_index.is_empty() {
+            return Ok(lines);
+        }
+        for pair in &model.periodic {
+            lines.independent[row(pair.image)] = row(pair.node) as u32;
+            for d in &pair.dummies {
+                let r = row(*d) as u32;
+                if !lines.images.dummies.contains(&r) {
+                    lines.images.dummies.push(r);
+                }
+            }
+        }
+        lines.images.dummies.sort_unstable();
+        if lines.images.dummies.len() > 3 {
+            return Err(format!("contact looks across at most three period vectors, the model has {}", lines.images.dummies.len()));
+        }
+        let ends = lines.find_ends(model, &row)?;
+        for (f, &m) in lines.model_index.clone().iter().enumerate() {
+            lines.start.push(lines.slots.len() as u32);
+            lines.push_filament(model, m, f, &ends, &row);
+        }
+        lines.start.push(lines.slots.len() as u32);
+        lines.measure(x);
+        lines.link(model, &ends);
+        lines.join_chains(&ends);
+        Ok(lines)
+    }
+
+    fn find_ends(&self, model: &Model, row: &impl Fn(NodeId) -> usize) -> Result<Vec<Ends>, String> {
+        let nodes = |f: usize| &model.filaments[self.model_index[f]].nodes;
+        let mut first: BTreeMap<usize, usize> = BTreeMap::new();
+        for f in 0..self.model_index.len() {
+            if !model.filaments[self.model_index[f]].closed {
+                first.insert(row(nodes(f)[0]), f);
+            }
+        }
+        // A pair says x' = x + T: going on from x' the successor at x is shifted by +T.
+        let mut steps: BTreeMap<usize, (usize, [i32; 3])> = BTreeMap::new();
+        for pair in &model.periodic {
+            let mut k = [0; 3];
+            for d in &pair.dummies {
+                let at = self.images.dummies.iter().position(|r| *r as usize == row(*d)).expect("collected above");
+                k[at] += 1;
+            }
+            steps.insert(row(pair.image), (row(pair.node), k));
+            steps.entry(row(pair.node)).or_insert((row(pair.image), k.map(|k| -k)));
+        }
+        let mut ends = vec![Ends::default(); self.model_index.len()];
+        for f in 0..ends.len() {
+            let filament = &model.filaments[self.model_index[f]];
+            let last = row(*filament.nodes.last().expect("two nodes at least"));
+            if filament.closed {
+                ends[f] = Ends { next: Some((f, self.images.zero())), previous: Some((f, self.images.zero())) };
+            } else if let Some((partner, k)) = steps.get(&last)
+                && let Some(&next) = first.get(partner)
+            {
+                let image = self.images.of(*k).ok_or_else(|| "a periodic pair repeats a dummy node more than twice".to_string())?;
+                if ends[next].previous.is_some() {
+                    return Err(format!("filament {} is the continuation of two filaments", self.model_index[next]));
+                }
+                ends[f].next = Some((next, image));
+                ends[next].previous = Some((f, self.images.negative(image)));
+            }
+        }
+        Ok(ends)
+    }
+
+    fn push_filament(&mut self, model: &Model, m: usize, f: usize, ends: &[Ends], row: &impl Fn(NodeId) -> usize) {
+        let filament = &model.filaments[m];
+        let zero = self.images.zero();
+        let slot = |row: u32, image: Image| Slot {
+            row,
+            image,
+            filament: f as u32,
+            looks: false,
+            segment: false,
+            free: [false; 2],
+            radius: filament.radius,
+            half: [0.0; 2],
+            spacing: 0.0,
+            length: 0.0,
+            tangent: [0.0; 3],
+            first: -1,
+        };
+        let inner = |other: usize, from_start: bool| {
+            let nodes = &model.filaments[self.model_index[other]].nodes;
+            row(if from_start { nodes[1] } else { nodes[nodes.len() - 2] }) as u32
+        };
+        let before = ends[f].previous.map_or(slot(NONE, zero), |(p, image)| slot(inner(p, false), image));
+        let behind = ends[f].next.map_or(slot(NONE, zero), |(n, image)| slot(inner(n, true), image));
+        let count = filament.nodes.len();
+        self.slots.push(before);
+        for (i, node) in filament.nodes.iter().enumerate() {
+            let mut s = slot(row(*node) as u32, zero);
+            s.looks = i + 1 < count || ends[f].next.is_none();
+            s.segment = i + 1 < count;
+            s.free = [i == 0 && ends[f].previous.is_none(), i + 2 == count && ends[f].next.is_none()];
+            self.slots.push(s);
+        }
+        self.slots.push(behind);
+    }
+
+    /// Lengths, tributary lengths and tangent coefficients from the initial positions.
+    fn measure(&mut self, x: &[DVec3]) {
+        let mut vectors = Vec::new();
+        self.images.vectors(|r| x[r], &mut vectors);
+        let place: Vec<Option<DVec3>> =
+            self.slots.iter().map(|s| (s.row != NONE).then(|| x[s.row as usize] + vectors[s.image as usize])).collect();
+        let length = |a: usize, b: usize| match (place[a], place[b]) {
+            (Some(a), Some(b)) => a.distance(b),
+            _ => 0.0,
+        };
+        let (mut sum, mut radius, mut count) = (0.0, 0.0, 0usize);
+        for f in 0..self.model_index.len() {
+            let range = self.start[f] as usize + 1..self.start[f + 1] as usize - 1;
+            for i in range {
+                let (before, after) = (length(i - 1, i), length(i, i + 1));
+                let farther = [
+                    if before > 0.0 && after == 0.0 { length(i - 2, i - 1) } else { 0.0 },
+                    if after > 0.0 && before == 0.0 { length(i + 1, i + 2) } else { 0.0 },
+                ];
+                let s = &mut self.slots[i];
+                s.half = [0.5 * before, 0.5 * after];
+                s.spacing = if before > 0.0 && after > 0.0 { 0.5 * (before + after) } else { before + after };
+                s.length = after;
+                (s.tangent, s.first) = tangent_stencil([farther[0], before, after, farther[1]]);
+                if s.segment {
+                    sum += after;
+                    radius += s.radius;
+                    count += 1;
+                }
+            }
+        }
+        self.mean_length = sum / count as f64;
+        self.mean_radius = radius / count as f64;
+    }
+
+    fn link(&mut self, model: &Model, ends: &[Ends]) {
+        let zero = self.images.zero();
+        self.links = vec![[None, None]; self.slots.len()];
+        for (f, end) in ends.iter().enumerate() {
+            let first = self.start[f] + 1;
+            let last = self.start[f + 1] - 3;
+            for j in first..=last {
+                let next = if j < last { Some((j + 1, zero)) } else { end.next.map(|(n, image)| (self.start[n] + 1, image)) };
+                let previous = if j > first { Some((j - 1, zero)) } else { end.previous.map(|(p, image)| (self.start[p + 1] - 3, image)) };
+                self.links[j as usize] = [next, previous];
+            }
+        }
+        debug_assert!(model.filaments.len() >= ends.len());
+    }
+
+    fn join_chains(&mut self, ends: &[Ends]) {
+        let mut group: Vec<usize> = (0..ends.len()).collect();
+        // Every filament has at most one successor: walking along them labels a chain once.
+        for f in 0..ends.len() {
+            let (mut at, mut low, mut members) = (f, f, vec![f]);
+            while let Some((n, _)) = ends[at].next {
+                if n == f {
+                    break;
+                }
+                low = low.min(group[n]);
+                members.push(n);
+                at = n;
+            }
+            for m in members {
+                group[m] = group[m].min(low);
+            }
+        }
+        let mut numbers: BTreeMap<usize, u32> = BTreeMap::new();
+        self.chain = group
+            .iter()
+            .map(|g| {
+                let next = numbers.len() as u32;
+                *numbers.entry(*g).or_insert(next)
+            })
+            .collect();
+    }
+
+    /// Chain of the filament that a slot belongs to.
+    #[inline]
+    pub fn chain_of(&self, slot: u32) -> u32 {
+        self.chain[self.slots[slot as usize].filament as usize]
+    }
+
+    /// True if the nodes of chain `a` look for chain `b`: every chain is looked for by half of its neighbours.
+    #[inline]
+    pub fn looks_first(a: u32, b: u32) -> bool {
+        if (a + b) & 1 == 0 { a < b } else { a > b }
+    }
+
+    /// Slots of segments, in order.
+    pub fn segments(&self) -> impl Iterator<Item = u32> + '_ {
+        self.slots.iter().enumerate().filter(|(_, s)| s.segment).map(|(i, _)| i as u32)
+    }
+
+    /// Filament number in the model and node number in the filament of a slot.
+    pub fn place_of(&self, slot: u32) -> (usize, usize) {
+        let f = self.slots[slot as usize].filament as usize;
+        (self.model_index[f], (slot - self.start[f] - 1) as usize)
+    }
+}
+
+/// Positions, tangents and velocities of all slots at the current time.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Centrelines {
+    /// Position and contact radius.
+    pub x: Vec<[f64; 4]>,
+    /// Tangent by arc length, and segment length.
+    pub tangent: Vec<[f64; 4]>,
+    /// Velocity and mass.
+    pub v: Vec<[f64; 4]>,
+    /// Rate of the tangent.
+    pub rate: Vec<[f64; 4]>,
+    /// Vectors of the images.
+    pub shift: Vec<DVec3>,
+    /// Rates of the image vectors.
+    pub shift_rate: Vec<DVec3>,
+}
+
+/// First three numbers of a row.
+#[inline(always)]
+pub fn xyz(row: &[f64; 4]) -> DVec3 {
+    DVec3::new(row[0], row[1], row[2])
+}
+
+impl Centrelines {
+    /// Brings everything up to date with the node columns.
+    pub fn refresh(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64]) {
+        lines.images.vectors(|r| x[r].0, &mut self.shift);
+        lines.images.vectors(|r| v[r].0, &mut self.shift_rate);
+        let n = lines.slots.len();
+        self.x.resize(n, [0.0; 4]);
+        self.v.resize(n, [0.0; 4]);
+        self.tangent.resize(n, [0.0; 4]);
+        self.rate.resize(n, [0.0; 4]);
+        for (i, s) in lines.slots.iter().enumerate() {
+            if s.row == NONE {
+                continue;
+            }
+            let r = s.row as usize;
+            let (p, u) = (x[r].0 + self.shift[s.image as usize], v[r].0 + self.shift_rate[s.image as usize]);
+            self.x[i] = [p.x, p.y, p.z, s.radius];
+            self.v[i] = [u.x, u.y, u.z, mass[r]];
+        }
+        for f in 0..lines.model_index.len() {
+            for i in lines.start[f] as usize + 1..lines.start[f + 1] as usize - 1 {
+                let s = &lines.slots[i];
+                let [a, b, c] = s.tangent;
+                let o = (i as isize + s.first) as usize;
+                let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
+                self.tangent[i] = [blend(&self.x, 0), blend(&self.x, 1), blend(&self.x, 2), s.length];
+                self.rate[i] = [blend(&self.v, 0), blend(&self.v, 1), blend(&self.v, 2), s.length];
+            }
+        }
+    }
+}
+
+/// Masses by row in which periodic copies of a node share the mass of the whole node.
+pub fn joint_masses(lines: &Lines, mass: &[Mass]) -> Vec<f64> {
+    let mut joint: Vec<f64> = mass.iter().map(|m| m.0).collect();
+    for (row, &to) in lines.independent.iter().enumerate() {
+        if to as usize != row {
+            let sum = joint[row] + joint[to as usize];
+            joint[to as usize] = sum;
+            joint[row] = sum;
+        }
+    }
+    joint
+}

@@ -1,0 +1,345 @@
+//! From pairs of close segments to records, and from old records to new ones.
+use super::curve::{Range, Segment};
+use super::kernel::{Settings, closest_step};
+use super::lane::V3;
+use super::lines::{Centrelines, Lines, xyz};
+use super::records::*;
+use super::search::{Candidate, closest_parameters};
+use glam::DVec3;
+
+/// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
+const LOOK_FROM: f64 = 0.5;
+
+/// New records and scratch space, kept between lists.
+#[derive(Default)]
+pub struct Builder {
+    /// Pairs of close segments.
+    pub candidates: Vec<Candidate>,
+    /// Line records, sorted.
+    pub lines: Vec<(LineRecord, LineState)>,
+    /// Point records, sorted.
+    pub points: Vec<(PointRecord, PointState)>,
+}
+
+/// True if two segments can never touch: they share a node, or are neighbours along a filament.
+pub fn excluded(lines: &Lines, c: Candidate) -> bool {
+    let (a, b) = (c.a as usize, c.b as usize);
+    let (sa, sb) = (&lines.slots[a], &lines.slots[b]);
+    if c.image == lines.images.zero() {
+        let (ra, rb) = ([sa.row, lines.slots[a + 1].row], [sb.row, lines.slots[b + 1].row]);
+        if ra.iter().any(|r| rb.contains(r)) {
+            return true;
+        }
+    }
+    if lines.chain[sa.filament as usize] != lines.chain[sb.filament as usize] {
+        return false;
+    }
+    // A filament cannot fold onto itself within half a circumference.
+    let reach = std::f64::consts::FRAC_PI_2 * (sa.radius + sb.radius);
+    for side in 0..2 {
+        let (mut at, mut image, mut gone) = (c.a, lines.images.zero(), 0.0);
+        loop {
+            let Some((to, step)) = lines.links[at as usize][side] else { break };
+            let Some(sum) = lines.images.sum(image, step) else { break };
+            (at, image) = (to, sum);
+            if (at, image) == (c.b, c.image) {
+                return true;
+            }
+            gone += lines.slots[at as usize].length;
+            if gone > reach || at == c.a {
+                break;
+            }
+        }
+    }
+    false
+}
+
+/// Parameter at which segment `j` is beside the point `y`, if it is: the planes through its nodes
+/// normal to the tangents divide the space between the segments without holes and overlaps.
+fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64) -> Option<f64> {
+    let slot = &lines.slots[j as usize];
+    let j = j as usize;
+    let g0 = (y - xyz(&now.x[j])).dot(xyz(&now.tangent[j]));
+    let g1 = (y - xyz(&now.x[j + 1])).dot(xyz(&now.tangent[j + 1]));
+    let low = if slot.free[0] { -reach_beyond } else { 0.0 };
+    let high = if slot.free[1] { reach_beyond } else { 0.0 };
+    // Neighbours overlap by a hair, so that rounding leaves no hole; who is found twice is merged.
+    let hair = 1e-6 * slot.length;
+    if g0 < low - hair || g1 >= high + hair {
+        return None;
+    }
+    let span = g0 - g1;
+    if span > 0.0 { Some(g0 / span) } else { Some(0.5) }
+}
+
+impl Builder {
+    /// Makes the records of `self.candidates`.
+    pub fn build(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines) {
+        self.lines.clear();
+        self.points.clear();
+        let candidates = std::mem::take(&mut self.candidates);
+        for c in &candidates {
+            let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
+            let same = ca == cb;
+            if same || Lines::looks_first(ca, cb) {
+                self.add_lines(settings, lines, now, *c, same);
+            }
+            if same || Lines::looks_first(cb, ca) {
+                let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
+                self.add_lines(settings, lines, now, turned, same);
+            }
+            self.add_point(settings, lines, now, *c);
+        }
+        self.candidates = candidates;
+        self.lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
+        self.merge_lines(lines);
+        self.points.sort_by_key(|(r, _)| (r.segments, r.image));
+        self.merge_points(lines);
+    }
+
+    /// Keeps one of several records of a node at the same place of a filament.
+    fn merge_lines(&mut self, lines: &Lines) {
+        let mut kept = 0;
+        for k in 0..self.lines.len() {
+            let (record, state) = self.lines[k];
+            let place = (record.segment, state.t, record.image);
+            let twice = self.lines[..kept].iter().rev().take_while(|(r, _)| r.node == record.node).any(|(r, s)| {
+                distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME)
+            });
+            if !twice {
+                self.lines[kept] = (record, state);
+                kept += 1;
+            }
+        }
+        self.lines.truncate(kept);
+    }
+
+    /// Keeps one of several records of the same crossing.
+    fn merge_points(&mut self, lines: &Lines) {
+        let found = std::mem::take(&mut self.points);
+        let index = CrossingIndex::new(found.iter().map(|(r, _)| r));
+        for (k, (record, state)) in found.iter().enumerate() {
+            if index.nearest(lines, (record, state), SAME, |i| (i < k).then(|| (&found[i].0, &found[i].1))).is_none() {
+                self.points.push((*record, *state));
+            }
+        }
+    }
+
+    /// Line records of the nodes of segment `c.a` against segment `c.b`.
+    fn add_lines(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines, c: Candidate, half: bool) {
+        for node in [c.a, c.a + 1] {
+            let slot = &lines.slots[node as usize];
+            if !slot.looks {
+                continue;
+            }
+            let y = xyz(&now.x[node as usize]) - now.shift[c.image as usize];
+            let beyond = slot.spacing.max(lines.slots[c.b as usize].radius);
+            let Some(mut t) = beside(lines, now, c.b, y, beyond) else { continue };
+            t = refine_line(lines, now, c.b, y, t);
+            let point = curve_of(lines, now, c.b).at(t);
+            let normal = (y - xyz(&now.x[c.b as usize]) - to_vec(point.x)).normalize_or_zero();
+            let sine = sine(xyz(&now.tangent[node as usize]), to_vec(point.d), normal);
+            let reach = slot.radius + lines.slots[c.b as usize].radius;
+            let crossing = sine > look_from(settings, reach, slot.spacing);
+            let record = LineRecord { node, segment: c.b, image: c.image, half, crossing };
+            self.lines.push((record, LineState { t, slip: DVec3::ZERO, offset: 0.0 }));
+        }
+    }
+
+    fn add_point(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines, c: Candidate) {
+        let (a, b) = (c.a as usize, c.b as usize);
+        let reach = lines.slots[a].radius + lines.slots[b].radius;
+        let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
+        let sampling = lines.slots[if Lines::looks_first(ca, cb) { a } else { b }].length;
+        let ends = |j: usize| [xyz(&now.tangent[j]), xyz(&now.tangent[j + 1])];
+        let least = look_from(settings, reach, sampling);
+        let widest = ends(a).iter().flat_map(|u| ends(b).map(|v| sine(*u, v, u.cross(v).normalize_or_zero()))).fold(0.0, f64::max);
+        if widest <= least {
+            return;
+        }
+        let shift = now.shift[c.image as usize];
+        let (s, t) =
+            closest_parameters(xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift);
+        let (curve_a, curve_b) = (curve_of(lines, now, c.a), curve_of(lines, now, c.b));
+        let apart: V3<f64> = (xyz(&now.x[a]) - xyz(&now.x[b]) - shift).into();
+        let limits = |j: usize| {
+            let free = lines.slots[j].free;
+            (if free[0] { 0.0 } else { -2.0 }, if free[1] { 1.0 } else { 3.0 })
+        };
+        let (mut s, mut t) = (s, t);
+        for _ in 0..12 {
+            (s, t) = closest_step(&curve_a, &curve_b, apart, s, t, limits(a), limits(b));
+        }
+        if !(-0.25..=1.25).contains(&s) || !(-0.25..=1.25).contains(&t) {
+            return;
+        }
+        let mut record = PointRecord { segments: [c.a, c.b], image: c.image };
+        let mut place = [s, t];
+        record.rehome(lines, &mut place);
+        // Over a node the straight extension was only a guess: a few steps more on the right pair.
+        let [a, b] = record.segments;
+        let shift = now.shift[record.image as usize];
+        let apart: V3<f64> = (xyz(&now.x[a as usize]) - xyz(&now.x[b as usize]) - shift).into();
+        let (curve_a, curve_b) = (curve_of(lines, now, a), curve_of(lines, now, b));
+        for _ in 0..4 {
+            let (la, lb) = (limits(a as usize), limits(b as usize));
+            (place[0], place[1]) = closest_step(&curve_a, &curve_b, apart, place[0], place[1], la, lb);
+        }
+        let (p, q) = (curve_a.at(place[0]), curve_b.at(place[1]));
+        let normal = to_vec(apart + p.x - q.x).normalize_or_zero();
+        if sine(to_vec(p.d), to_vec(q.d), normal) <= least {
+            return;
+        }
+        record.rehome(lines, &mut place);
+        let (record, exchanged) = record.ordered(lines);
+        if exchanged {
+            place.swap(0, 1);
+        }
+        self.points.push((record, PointState { t: place, slip: DVec3::ZERO, offset: 0.0 }));
+    }
+
+    /// Hands slip and offset of the old records to the new ones at the same place; both sorted.
+    pub fn inherit(
+        &mut self,
+        lines: &Lines,
+        old_lines: (&[LineRecord], &[LineState]),
+        old_points: (&[PointRecord], &[PointState]),
+    ) {
+        let mut from = 0;
+        for (record, state) in &mut self.lines {
+            while from < old_lines.0.len() && old_lines.0[from].node < record.node {
+                from += 1;
+            }
+            let mut nearest = 0.5;
+            for k in from..old_lines.0.len() {
+                let old = &old_lines.0[k];
+                if old.node != record.node {
+                    break;
+                }
+                let was = (old.segment, old_lines.1[k].t, old.image);
+                if let Some(d) = distance_along(lines, was, (record.segment, state.t, record.image))
+                    && d.abs() < nearest
+                {
+                    nearest = d.abs();
+                    (state.slip, state.offset) = (old_lines.1[k].slip, old_lines.1[k].offset);
+                }
+            }
+        }
+        let index = CrossingIndex::new(old_points.0.iter());
+        for (record, state) in &mut self.points {
+            let old = |k: usize| Some((&old_points.0[k], &old_points.1[k]));
+            if let Some((k, turned)) = index.nearest(lines, (record, state), 0.75, old) {
+                let was = &old_points.1[k];
+                (state.slip, state.offset) = (if turned { -was.slip } else { was.slip }, was.offset);
+            }
+        }
+    }
+}
+
+/// Two records of one node or crossing closer than this, in segments, are the same one.
+const SAME: f64 = 0.25;
+
+/// Finds point records by either segment.
+struct CrossingIndex(Vec<(u32, usize)>);
+
+impl CrossingIndex {
+    fn new<'a>(records: impl Iterator<Item = &'a PointRecord>) -> Self {
+        let mut order: Vec<(u32, usize)> = records.enumerate().flat_map(|(k, r)| [(r.segments[0], k), (r.segments[1], k)]).collect();
+        order.sort_unstable();
+        CrossingIndex(order)
+    }
+
+    /// The nearest record closer than `limit`, and whether its sides are the other way round.
+    fn nearest<'a>(
+        &self,
+        lines: &Lines,
+        (record, state): (&PointRecord, &PointState),
+        limit: f64,
+        get: impl Fn(usize) -> Option<(&'a PointRecord, &'a PointState)>,
+    ) -> Option<(usize, bool)> {
+        let here = record.segments[0];
+        let [next, previous] = lines.links[here as usize].map(|l| l.map(|(s, _)| s));
+        let (mut best, mut nearest) = (None, limit);
+        for place in [Some(here), next, previous].into_iter().flatten() {
+            let begin = self.0.partition_point(|(s, _)| *s < place);
+            for (_, k) in self.0[begin..].iter().take_while(|(s, _)| *s == place) {
+                let Some((old, was)) = get(*k) else { continue };
+                let back = PointRecord { segments: [old.segments[1], old.segments[0]], image: lines.images.negative(old.image) };
+                let was_back = PointState { t: [was.t[1], was.t[0]], ..*was };
+                for (old, was, turned) in [(old, was, false), (&back, &was_back, true)] {
+                    let d = crossing_distance(lines, (old, was), (record, state));
+                    if d < nearest {
+                        (best, nearest) = (Some((*k, turned)), d);
+                    }
+                }
+            }
+        }
+        best
+    }
+}
+
+/// How far a crossing has moved along both filaments; infinite if it is another one.
+fn crossing_distance(lines: &Lines, old: (&PointRecord, &PointState), new: (&PointRecord, &PointState)) -> f64 {
+    let zero = lines.images.zero();
+    let segment = |r: &PointRecord, s: &PointState, k: usize| (r.segments[k], s.t[k], zero);
+    // Along the first filament, the image step found there must be taken out of the second one.
+    let (from, to) = (segment(old.0, old.1, 0), segment(new.0, new.1, 0));
+    let mut best = f64::INFINITY;
+    let mut consider = |step: super::images::Image, d: f64| {
+        let Some(image) = lines.images.sum(old.0.image, lines.images.negative(step)) else { return };
+        let was = (old.0.segments[1], old.1.t[1], image);
+        if let Some(e) = distance_along(lines, was, (new.0.segments[1], new.1.t[1], new.0.image)) {
+            best = f64::min(best, d.abs() + e.abs());
+        }
+    };
+    if from.0 == to.0 {
+        consider(zero, to.1 - from.1);
+    }
+    for (side, sign) in [(0, 1.0), (1, -1.0)] {
+        if let Some((next, step)) = lines.links[from.0 as usize][side]
+            && next == to.0
+        {
+            consider(step, sign + to.1 - from.1);
+        }
+    }
+    best
+}
+
+fn look_from(settings: &Settings, reach: f64, sampling: f64) -> f64 {
+    LOOK_FROM * settings.window[0] * reach / sampling.max(settings.point_length())
+}
+
+fn sine(a: DVec3, b: DVec3, normal: DVec3) -> f64 {
+    a.cross(b).dot(normal).abs() / (a.length_squared() * b.length_squared()).sqrt()
+}
+
+fn to_vec(v: V3<f64>) -> DVec3 {
+    DVec3::new(v.x, v.y, v.z)
+}
+
+/// The centreline of segment `j` relative to its first node.
+pub fn curve_of(lines: &Lines, now: &Centrelines, j: u32) -> Segment<f64> {
+    let j = j as usize;
+    let h = now.tangent[j][3];
+    Segment::new(
+        (xyz(&now.x[j + 1]) - xyz(&now.x[j])).into(),
+        (xyz(&now.tangent[j]) * h).into(),
+        (xyz(&now.tangent[j + 1]) * h).into(),
+        Range::new(|_| lines.slots[j].free),
+    )
+}
+
+/// Closest point of segment `j` to `y`, from a start nearby.
+fn refine_line(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, start: f64) -> f64 {
+    let curve = curve_of(lines, now, j);
+    let y: V3<f64> = (y - xyz(&now.x[j as usize])).into();
+    let mut t = start;
+    for _ in 0..6 {
+        let p = curve.at(t);
+        let d = y - p.x;
+        let metric = p.d.dot(p.d);
+        let slope = (metric - d.dot(p.dd)).max(0.25 * metric);
+        t = (t + (d.dot(p.d) / slope).clamp(-0.5, 0.5)).clamp(-2.0, 3.0);
+    }
+    t
+}

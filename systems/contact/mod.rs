@@ -1,0 +1,144 @@
+//! Contact between filaments.
+//!
+//! Filaments are round tubes about C1 centrelines ([`curve`]). Side by side they touch through *line
+//! records*, crossing through *point records* ([`records`], [`kernel`]), with one law of penalty,
+//! damping and Coulomb friction ([`law`]). Which segments may touch is found with a bounding volume
+//! tree and a skin ([`search`], [`list`]), across periodic faces too ([`images`]). Records write
+//! their own forces, nodes gather them ([`assemble`]).
+//!
+//! Sources: J. Yastrebov, *Numerical Methods in Contact Mechanics* (2013) for penalty and return
+//! mapping; C. Meier, W. A. Wall, A. Popp, *Int. J. Numer. Methods Eng.* 111 (2017) for joining line
+//! and point contact of beams by angle; P. A. Cundall, O. D. L. Strack, *Geotechnique* 29 (1979) for
+//! the friction spring.
+pub mod assemble;
+pub mod curve;
+pub mod images;
+pub mod kernel;
+pub mod lane;
+pub mod law;
+pub mod lines;
+pub mod list;
+pub mod monitor;
+pub mod records;
+pub mod search;
+mod spec;
+pub mod stiffness;
+pub mod systems;
+
+pub use monitor::{ContactKind, ContactReport, all_contacts, filament_contacts};
+pub use spec::{ContactSpec, InitialOverlap};
+pub(crate) use spec::{bounded, positive};
+
+use assemble::Gather;
+use braid_ecs::prelude::*;
+use kernel::Settings;
+use law::Law;
+use lines::{Centrelines, Lines, joint_masses};
+use records::*;
+use search::Search;
+use systems::*;
+
+/// Registers contact between filaments, for models with a [`ContactSpec`].
+pub fn plugin(sim: &mut Simulation) {
+    sim.add_installer("contact", install);
+}
+
+/// Overlap at the start that is let pass, in radii.
+pub const TOLERATED_OVERLAP: f64 = 0.05;
+
+/// Puts the filaments of the model into the world, once; false if there are none with contact.
+pub fn install_lines(cx: &mut Install<'_>) -> Result<bool, String> {
+    if cx.world.contains_resource::<Lines>() {
+        return Ok(true);
+    }
+    let x: Vec<Position> = cx.world.query::<&Position>().iter(cx.world).copied().collect();
+    let v: Vec<Velocity> = cx.world.query::<&Velocity>().iter(cx.world).copied().collect();
+    let mass: Vec<Mass> = cx.world.query::<&Mass>().iter(cx.world).copied().collect();
+    let places: Vec<DVec3> = x.iter().map(|x| x.0).collect();
+    let lines = Lines::new(cx.model, |n| cx.row(n), &places)?;
+    if lines.model_index.is_empty() {
+        return Ok(false);
+    }
+    let masses = joint_masses(&lines, &mass);
+    let mut now = Centrelines::default();
+    now.refresh(&lines, &x, &v, &masses);
+    cx.world.insert_resource(lines);
+    cx.world.insert_resource(now);
+    cx.world.insert_resource(JointMasses(masses));
+    cx.add_system(StepSet::ContactSearch, refresh);
+    Ok(true)
+}
+
+fn install(cx: &mut Install<'_>) {
+    let Some(spec) = cx.model.get::<ContactSpec>() else { return };
+    let spec = spec.clone();
+    if let Err(message) = install_spec(cx, &spec) {
+        cx.world.resource_mut::<Failure>().0.get_or_insert(message);
+    }
+}
+
+fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> {
+    spec.check().map_err(|e| format!("contact.{}: {e}", e.path))?;
+    if cx.model.filaments.iter().filter(|f| f.contact).count() == 0 || !install_lines(cx)? {
+        return Ok(());
+    }
+    let (radius, length) = {
+        let lines = cx.world.resource::<Lines>();
+        (lines.mean_radius, lines.mean_length)
+    };
+    let (line_stiffness, point_stiffness) = stiffness::given(spec, length).unwrap_or((1.0, length));
+    let law = Law { friction: spec.friction.0, tangential: spec.friction_stiffness.0, damping: spec.damping.0, toe: spec.toe.0, dt: 0.0 };
+    let window = [spec.window.0.0, spec.window.1.0];
+    cx.world.insert_resource(Settings { law, line_stiffness, point_stiffness, window, keep: 1.0 });
+    cx.world.insert_resource(stiffness::Wanted::new(cx.model, spec));
+    cx.world.insert_resource(Search::new(spec.skin.0 * radius));
+    cx.world.insert_resource(SelfContact(spec.self_contact));
+    cx.world.insert_resource(Relaxation { rule: spec.initial_overlap });
+    cx.world.init_resource::<ListBuilder>();
+    cx.world.init_resource::<Gather>();
+    cx.world.init_resource::<LiveRecords>();
+    cx.world.init_resource::<Requests>();
+    cx.world.init_resource::<EnergyLedger>();
+    make_list(cx.world);
+    if let InitialOverlap::Error = spec.initial_overlap {
+        refuse_overlap(cx.world)?;
+    } else {
+        // The kernel cuts an offset down to the overlap that is there.
+        for mut s in cx.world.query::<&mut LineState>().iter_mut(cx.world) {
+            s.offset = f64::MAX;
+        }
+        for mut s in cx.world.query::<&mut PointState>().iter_mut(cx.world) {
+            s.offset = f64::MAX;
+        }
+    }
+    cx.world.get_resource_or_init::<StiffnessSources>().0.push(("contact", stiffness::bounds));
+    cx.add_system(StepSet::ContactSearch, follow);
+    cx.add_system(StepSet::ContactSearch, rebuild);
+    cx.add_system(StepSet::ContactForces, forces);
+    monitor::install(cx);
+    Ok(())
+}
+
+/// Refuses overlaps at the start, naming the worst one.
+fn refuse_overlap(world: &mut World) -> Result<(), String> {
+    let contacts = filament_contacts(world);
+    let Some(worst) = contacts.iter().min_by(|a, b| (a.gap / a.radius).total_cmp(&(b.gap / b.radius))) else { return Ok(()) };
+    let depth = -worst.gap / worst.radius;
+    if depth <= TOLERATED_OVERLAP {
+        return Ok(());
+    }
+    let count = contacts.iter().filter(|c| -c.gap > TOLERATED_OVERLAP * c.radius).count();
+    let p = worst.place;
+    Err(format!(
+        "filaments {} and {} overlap by {:.3e} at the start, {:.1} % of the radius, at ({:.4e}, {:.4e}, {:.4e}); {count} places overlap by more than {:.0} %. \
+         Move them apart, or set contact: (initial_overlap: Offset) to leave the overlap free of force",
+        worst.filament,
+        worst.other,
+        -worst.gap,
+        100.0 * depth,
+        p.x,
+        p.y,
+        p.z,
+        100.0 * TOLERATED_OVERLAP
+    ))
+}

@@ -1,0 +1,169 @@
+//! What contacts look like from outside: every touching record, and their summary.
+use super::assemble::{of_line, of_point};
+use super::kernel::{Contact, Settings};
+use super::lines::{Centrelines, Lines, xyz};
+use super::records::*;
+use super::search::Search;
+use crate::systems::energy::{LookNow, MonitorEvery};
+use braid_ecs::prelude::*;
+
+/// What kind of contact a record is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum ContactKind {
+    /// Filaments side by side.
+    Line,
+    /// Filaments that cross.
+    Point,
+    /// A node on a surface.
+    Surface,
+    /// A filament over an edge of a surface.
+    Edge,
+}
+
+/// One place where filaments or surfaces touch or nearly touch.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactReport {
+    /// Kind.
+    pub kind: ContactKind,
+    /// Filament in the model (the one whose node it is, or the first).
+    pub filament: usize,
+    /// The other filament or surface.
+    pub other: usize,
+    /// Place half way between the centrelines, or on the centreline for surfaces.
+    pub place: DVec3,
+    /// Normal towards the first filament.
+    pub normal: DVec3,
+    /// Distance of the surfaces, negative in contact (length).
+    pub gap: f64,
+    /// Smaller radius (length).
+    pub radius: f64,
+    /// Normal force (force).
+    pub normal_force: f64,
+    /// Friction force on the first filament (force).
+    pub friction_force: DVec3,
+    /// Angle between the centrelines, seen along the normal (radian).
+    pub angle: f64,
+    /// True if friction is at its limit.
+    pub slides: bool,
+    /// Elastic energy (force x length).
+    pub energy: f64,
+}
+
+/// Settings with which looking changes nothing.
+fn still(settings: &Settings) -> Settings {
+    let mut s = *settings;
+    s.law.dt = 0.0;
+    s.keep = 1.0;
+    s
+}
+
+fn report(settings: &Settings, c: &Contact<f64>, place: DVec3, names: (usize, usize), radius: f64, kind: ContactKind) -> ContactReport {
+    let r = &c.response;
+    let normal = c.normal.lane(0);
+    let friction_force = r.force.lane(0) - normal * r.normal_force;
+    ContactReport {
+        kind,
+        filament: names.0,
+        other: names.1,
+        place,
+        normal,
+        gap: -c.penetration - c.offset,
+        radius,
+        normal_force: r.normal_force,
+        friction_force,
+        angle: c.sine.clamp(0.0, 1.0).asin(),
+        slides: r.normal_force > 0.0 && friction_force.length() >= settings.law.friction * r.normal_force * (1.0 - 1e-9),
+        energy: r.energy,
+    }
+}
+
+/// All records between filaments that are less than one radius apart, in record order.
+pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
+    let mut out = Vec::new();
+    if !world.contains_resource::<Search>() {
+        return out;
+    }
+    let mut line_query = world.query::<(&LineRecord, &LineState)>();
+    let mut point_query = world.query::<(&PointRecord, &PointState)>();
+    let live = *world.resource::<LiveRecords>();
+    let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
+    let settings = still(world.resource::<Settings>());
+    let near = |c: &Contact<f64>| c.penetration + c.offset > -0.5 * c.reach && c.stiffness > 0.0;
+    for (record, state) in line_query.iter(world).take(live.lines) {
+        let c = of_line(&settings, lines, now, record, state);
+        if near(&c) {
+            let normal = c.normal.lane(0);
+            let (rn, rs) = (now.x[record.node as usize][3], now.x[record.segment as usize][3]);
+            let place = xyz(&now.x[record.node as usize]) - normal * (0.5 * (c.reach - c.penetration - c.offset));
+            let names = (lines.place_of(record.node).0, lines.place_of(record.segment).0);
+            out.push(report(&settings, &c, place, names, rn.min(rs), ContactKind::Line));
+        }
+    }
+    for (record, state) in point_query.iter(world).take(live.points) {
+        let c = of_point(&settings, lines, now, record, state);
+        if near(&c) {
+            let [i, j] = record.segments;
+            let curve = super::list::curve_of(lines, now, i);
+            let p = curve.at(c.t[0]).x;
+            let normal = c.normal.lane(0);
+            let place = xyz(&now.x[i as usize]) + p.lane(0) - normal * (0.5 * (c.reach - c.penetration - c.offset));
+            let names = (lines.place_of(i).0, lines.place_of(j).0);
+            out.push(report(&settings, &c, place, names, now.x[i as usize][3].min(now.x[j as usize][3]), ContactKind::Point));
+        }
+    }
+    out
+}
+
+/// All contacts of the model, filaments first.
+pub fn all_contacts(world: &mut World) -> Vec<ContactReport> {
+    let mut all = filament_contacts(world);
+    all.extend(crate::systems::surface::surface_contacts(world));
+    all
+}
+
+/// Present when the summary is taken by a system already.
+#[derive(Resource)]
+struct Summarised;
+
+/// Adds the system that keeps [`ContactSummary`], once.
+pub fn install(cx: &mut Install<'_>) {
+    if !cx.world.contains_resource::<Summarised>() {
+        cx.world.insert_resource(Summarised);
+        cx.world.init_resource::<ContactSummary>();
+        cx.add_system(StepSet::Monitor, look);
+    }
+}
+
+fn look(world: &mut World) {
+    let step = world.resource::<Clock>().step;
+    let due = world.get_resource::<LookNow>().is_none_or(|l| l.0) || world.get_resource::<MonitorEvery>().is_none_or(|e| step.is_multiple_of(e.0));
+    if due {
+        summarise(world);
+    }
+}
+
+/// Takes the summary and the elastic energy of all contacts now.
+pub fn summarise(world: &mut World) {
+    let contacts = all_contacts(world);
+    let live = world.get_resource::<LiveRecords>().copied().unwrap_or_default();
+    let mut summary = ContactSummary { records: live.lines + live.points, ..ContactSummary::default() };
+    summary.rebuilds = world.get_resource::<Search>().map_or(0, |s| s.rebuilds);
+    let mut depths = Vec::new();
+    let mut energy = 0.0;
+    for c in &contacts {
+        energy += c.energy;
+        if c.normal_force > 0.0 {
+            summary.active += 1;
+            summary.total_force += c.normal_force;
+            summary.max_force = summary.max_force.max(c.normal_force);
+            depths.push(-c.gap / c.radius);
+        }
+    }
+    if !depths.is_empty() {
+        depths.sort_unstable_by(f64::total_cmp);
+        summary.max_penetration_to_radius = depths[depths.len() - 1];
+        summary.p99_penetration_to_radius = depths[((depths.len() as f64 * 0.99).ceil() as usize).clamp(1, depths.len()) - 1];
+    }
+    *world.resource_mut::<ContactSummary>() = summary;
+    world.get_resource_or_init::<EnergyLedger>().contact = energy;
+}

@@ -1,0 +1,162 @@
+//! Contact records: one entity each, in two pools whose rows are overwritten in place.
+//!
+//! - A *line record* is a node against the centreline of another filament: one per node and passage
+//!   of a neighbour. Side by side filaments touch through these.
+//! - A *point record* is the closest point of two centrelines. Crossing filaments touch through these.
+//!
+//! The first rows of a pool, as many as [`LiveRecords`] says, are in use, in the order of their
+//! identities; the rest wait. A record keeps its place on both filaments as a real number, so its
+//! friction history survives when it slides over a node.
+use super::images::Image;
+use super::lines::Lines;
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+
+/// A node and the segment of another filament that it is beside.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct LineRecord {
+    /// Slot of the node.
+    pub node: u32,
+    /// Slot of the segment.
+    pub segment: u32,
+    /// Image by which the segment is shifted.
+    pub image: Image,
+    /// True if the other filament's nodes look for this one as well: both count half.
+    pub half: bool,
+    /// True if a crossing was looked for when the list was made, so that the angle decides.
+    pub crossing: bool,
+}
+
+/// What a line record remembers.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct LineState {
+    /// Parameter of the closest point on the segment.
+    pub t: f64,
+    /// Elastic slip of the friction spring (length).
+    pub slip: DVec3,
+    /// Penetration that is left free of force (length).
+    pub offset: f64,
+}
+
+/// Force of a line record on its node, and the parameter it acts at.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct LineForce(pub [f64; 4]);
+
+/// Two segments of which the centrelines cross.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct PointRecord {
+    /// Slots of both segments.
+    pub segments: [u32; 2],
+    /// Image by which the second segment is shifted.
+    pub image: Image,
+}
+
+/// What a point record remembers.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct PointState {
+    /// Parameters of the closest points on both segments.
+    pub t: [f64; 2],
+    /// Elastic slip of the friction spring (length).
+    pub slip: DVec3,
+    /// Penetration that is left free of force (length).
+    pub offset: f64,
+}
+
+/// Force of a point record on its first segment, and the parameters it acts at.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointForce {
+    /// Force on the first segment (force).
+    pub force: DVec3,
+    /// Parameters on both segments.
+    pub t: [f64; 2],
+}
+
+/// How many rows of the pools are in use.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LiveRecords {
+    /// Line records.
+    pub lines: usize,
+    /// Point records.
+    pub points: usize,
+}
+
+/// How far a parameter may leave [0, 1] before the record moves to the next segment.
+pub const SLACK: f64 = 0.01;
+
+/// True if a parameter has left its segment.
+#[inline(always)]
+pub fn strayed(t: f64) -> bool {
+    !(-SLACK..=1.0 + SLACK).contains(&t)
+}
+
+/// Moves a point that has left its segment on to the segments before or after; returns the segment,
+/// the parameter and the image step. At free ends it stays.
+pub fn rehome(lines: &Lines, segment: u32, t: f64) -> (u32, f64, Image) {
+    let (mut segment, mut t, mut image) = (segment, t, lines.images.zero());
+    for _ in 0..4 {
+        let side = if t < 0.0 {
+            1
+        } else if t >= 1.0 {
+            0
+        } else {
+            break;
+        };
+        let Some((to, step)) = lines.links[segment as usize][side] else { break };
+        let Some(sum) = lines.images.sum(image, step) else { break };
+        let (from, into) = (lines.slots[segment as usize].length, lines.slots[to as usize].length);
+        t = if side == 0 { (t - 1.0) * from / into } else { 1.0 + t * from / into };
+        (segment, image) = (to, sum);
+    }
+    (segment, t, image)
+}
+
+impl LineRecord {
+    /// Moves the record to the segment that its parameter belongs to.
+    pub fn rehome(&mut self, lines: &Lines, t: &mut f64) {
+        let (segment, parameter, step) = rehome(lines, self.segment, *t);
+        if let Some(image) = lines.images.sum(self.image, step) {
+            (self.segment, *t, self.image) = (segment, parameter, image);
+        }
+    }
+}
+
+impl PointRecord {
+    /// Moves the record to the segments that its parameters belong to.
+    pub fn rehome(&mut self, lines: &Lines, t: &mut [f64; 2]) {
+        let (second, u, step) = rehome(lines, self.segments[1], t[1]);
+        if let Some(image) = lines.images.sum(self.image, step) {
+            (self.segments[1], t[1], self.image) = (second, u, image);
+        }
+        let (first, u, step) = rehome(lines, self.segments[0], t[0]);
+        if let Some(image) = lines.images.sum(self.image, lines.images.negative(step)) {
+            (self.segments[0], t[0], self.image) = (first, u, image);
+        }
+    }
+
+    /// The same crossing with the lower segment first, so that it has one name; tells if the sides were exchanged.
+    pub fn ordered(self, lines: &Lines) -> (Self, bool) {
+        let exchanged = self.segments[0] > self.segments[1] || (self.segments[0] == self.segments[1] && self.image < lines.images.zero());
+        if exchanged {
+            (PointRecord { segments: [self.segments[1], self.segments[0]], image: lines.images.negative(self.image) }, true)
+        } else {
+            (self, false)
+        }
+    }
+}
+
+/// Distance along a chain, in segments, from one place (segment, parameter, image) to another that
+/// is on the same or a neighbouring segment; `None` farther away.
+pub fn distance_along(lines: &Lines, from: (u32, f64, Image), to: (u32, f64, Image)) -> Option<f64> {
+    if from.0 == to.0 && from.2 == to.2 {
+        return Some(to.1 - from.1);
+    }
+    for (side, sign) in [(0, 1.0), (1, -1.0)] {
+        if let Some((segment, step)) = lines.links[from.0 as usize][side]
+            && segment == to.0
+            && lines.images.sum(from.2, step) == Some(to.2)
+        {
+            return Some(sign + to.1 - from.1);
+        }
+    }
+    None
+}

@@ -1,0 +1,225 @@
+//! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
+//! stable time step.
+use super::assemble::{of_line, of_point};
+use super::kernel::Settings;
+use super::lines::{Centrelines, Lines, NONE};
+use super::records::*;
+use super::spec::ContactSpec;
+use braid_ecs::prelude::*;
+
+/// Penalty stiffness x dt^2 / nodal mass that leaves a hexagonal tow stable at 0.9 of the elements' time step.
+const SHARE: f64 = 0.08;
+
+/// How the stiffness is to be found, until it is.
+#[derive(Resource, Clone, Debug)]
+pub struct Wanted {
+    spec: ContactSpec,
+    safety: f64,
+    dt: Option<f64>,
+}
+
+impl Wanted {
+    /// From the sections of the model.
+    pub fn new(model: &Model, spec: &ContactSpec) -> Self {
+        Wanted { spec: spec.clone(), safety: model.integration.safety, dt: model.integration.dt }
+    }
+}
+
+/// Line and point stiffness; `length` is the mean segment length.
+pub fn given(spec: &ContactSpec, length: f64) -> Option<(f64, f64)> {
+    match (spec.line_stiffness, spec.stiffness) {
+        (Some(l), Some(p)) => Some((l.0, p.0)),
+        (Some(l), None) => Some((l.0, l.0 * length)),
+        (None, Some(p)) => Some((p.0 / length, p.0)),
+        (None, None) => None,
+    }
+}
+
+/// Largest stiffness / mass of the elements, as an angular frequency squared; bars that are
+/// integrated implicitly count only if nothing else is there.
+pub fn element_frequency(world: &mut World) -> f64 {
+    let mut masses = world.query::<(&Mass, Option<&RotaryInertia>)>();
+    let masses: Vec<(f64, f64)> = masses.iter(world).map(|(m, j)| (m.0, j.map_or(0.0, |j| j.0))).collect();
+    let mut bound = vec![StiffnessBound::default(); masses.len()];
+    if let Some(kinds) = world.remove_resource::<KindReports>() {
+        for k in &kinds.0 {
+            (k.stiffness)(world, &mut bound);
+        }
+        world.insert_resource(kinds);
+    }
+    let mut worst = 0.0f64;
+    for (b, (m, j)) in bound.iter().zip(&masses) {
+        if *m > 0.0 {
+            worst = worst.max(b.translation / m);
+        }
+        if *j > 0.0 {
+            worst = worst.max(b.rotation / j);
+        }
+    }
+    if worst > 0.0 {
+        return worst;
+    }
+    let mut bars = world.query::<&AxialBar>();
+    for bar in bars.iter(world) {
+        for row in bar.rows {
+            let m = masses[row as usize].0;
+            if m > 0.0 {
+                worst = worst.max(4.0 * bar.ea / (bar.rest_length * m));
+            }
+        }
+    }
+    worst
+}
+
+/// Finds the stiffness if it is not known yet.
+pub fn resolve(world: &mut World) {
+    let Some(wanted) = world.remove_resource::<Wanted>() else { return };
+    let (length, lightest) = {
+        let lines = world.resource::<Lines>();
+        let now = world.resource::<Centrelines>();
+        let masses = lines.slots.iter().zip(&now.v).filter(|(s, v)| s.row != NONE && v[3] > 0.0).map(|(_, v)| v[3]);
+        (lines.mean_length, masses.fold(f64::INFINITY, f64::min))
+    };
+    let (line, point) = given(&wanted.spec, length).unwrap_or_else(|| {
+        let omega2 = element_frequency(world);
+        // dt = safety 2 / omega, unless the scene gives one.
+        let per_mass = match wanted.dt {
+            Some(dt) => 1.0 / (dt * dt),
+            None => omega2 / (4.0 * wanted.safety * wanted.safety),
+        };
+        let point = SHARE * lightest * per_mass;
+        (point / length, point)
+    });
+    let mut settings = world.resource_mut::<Settings>();
+    settings.line_stiffness = line;
+    settings.point_stiffness = point;
+}
+
+/// Adds the bounds of all records that touch or nearly do: for K = k n n^t w w^t the row sums give
+/// K <= diag(k |w_i| sum |w_j|). Lagged damping of ratio xi narrows the limit by sqrt(1 + xi^2) - xi.
+pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
+    resolve(world);
+    let mut line_query = world.query::<(&LineRecord, &LineState)>();
+    let mut point_query = world.query::<(&PointRecord, &PointState)>();
+    let masses: Vec<f64> = world.query::<&Mass>().iter(world).map(|m| m.0).collect();
+    let live = *world.resource::<LiveRecords>();
+    let (lines, now, settings) = (world.resource::<Lines>(), world.resource::<Centrelines>(), *world.resource::<Settings>());
+    let mut still = settings;
+    still.law.dt = 0.0;
+    let xi = settings.law.damping;
+    let narrow = ((1.0 + xi * xi).sqrt() - xi).powi(-2);
+    let mut spread = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
+    for (record, state) in line_query.iter(world).take(live.lines) {
+        let c = of_line(&still, lines, now, record, state);
+        if c.penetration > -NEAR * c.reach {
+            spread.node(record.node, 1.0);
+            spread.segment(now, record.segment, c.t[1]);
+            spread.image(record.image);
+            spread.add(c.stiffness * narrow);
+        }
+    }
+    for (record, state) in point_query.iter(world).take(live.points) {
+        let c = of_point(&still, lines, now, record, state);
+        if c.penetration > -NEAR * c.reach {
+            spread.segment(now, record.segments[0], c.t[0]);
+            spread.segment(now, record.segments[1], c.t[1]);
+            spread.image(record.image);
+            spread.add(c.stiffness * narrow);
+        }
+    }
+    let mut kappa = spread.kappa;
+    share_copies(lines, &masses, &mut kappa);
+    for (o, k) in out.iter_mut().zip(kappa) {
+        o.translation += k;
+    }
+}
+
+/// Records farther apart than this, in sums of radii, do not count for the time step.
+const NEAR: f64 = 0.1;
+
+/// A node and its periodic copies move together: their stiffness is theirs in proportion to mass.
+pub fn share_copies(lines: &Lines, masses: &[f64], kappa: &mut [f64]) {
+    let mut sums: std::collections::BTreeMap<u32, (f64, f64)> = std::collections::BTreeMap::new();
+    for (row, &to) in lines.independent.iter().enumerate() {
+        if to as usize != row {
+            sums.entry(to).or_insert((kappa[to as usize], masses[to as usize]));
+            let sum = sums.get_mut(&to).expect("just entered");
+            sum.0 += kappa[row];
+            sum.1 += masses[row];
+        }
+    }
+    for (row, &to) in lines.independent.iter().enumerate() {
+        if let Some((k, m)) = sums.get(&to)
+            && *m > 0.0
+        {
+            kappa[row] = k * masses[row] / m;
+        }
+    }
+}
+
+/// Collects the weights of one record by row.
+pub struct Spread<'a> {
+    /// The filaments.
+    pub lines: &'a Lines,
+    /// Bound of each row.
+    pub kappa: Vec<f64>,
+    /// Weights of the current record; the rows may repeat.
+    pub weights: Vec<(u32, f64)>,
+}
+
+impl Spread<'_> {
+    /// Adds the weight of a slot.
+    pub fn node(&mut self, slot: u32, weight: f64) {
+        let s = &self.lines.slots[slot as usize];
+        if s.row != NONE {
+            self.weights.push((s.row, weight));
+        }
+    }
+
+    /// Adds the weights of the nodes of a segment at parameter `t`.
+    pub fn segment(&mut self, now: &Centrelines, segment: u32, t: f64) {
+        let slots = &self.lines.slots;
+        let range = super::curve::Range::new(|_| slots[segment as usize].free);
+        let w = super::curve::weights(t, range);
+        let h = now.tangent[segment as usize][3];
+        let mut local: Vec<(u32, f64)> = vec![(segment, w.a), (segment + 1, w.b)];
+        for (at, weight) in [(segment, w.ta * h), (segment + 1, w.tb * h)] {
+            let s = &slots[at as usize];
+            let first = (at as isize + s.first) as u32;
+            for (k, c) in s.tangent.iter().enumerate() {
+                if *c != 0.0 {
+                    local.push((first + k as u32, c * weight));
+                }
+            }
+        }
+        local.sort_by_key(|l| l.0);
+        let mut k = 0;
+        while k < local.len() {
+            let (slot, mut sum) = local[k];
+            k += 1;
+            while k < local.len() && local[k].0 == slot {
+                sum += local[k].1;
+                k += 1;
+            }
+            self.node(slot, sum);
+        }
+    }
+
+    /// Adds the weights of the dummy nodes behind an image.
+    pub fn image(&mut self, image: super::images::Image) {
+        let k = self.lines.images.multiples(image);
+        for (d, row) in self.lines.images.dummies.iter().enumerate() {
+            if k[d] != 0 {
+                self.weights.push((*row, f64::from(k[d])));
+            }
+        }
+    }
+
+    /// Adds the bound of a spring of this stiffness with the collected weights.
+    pub fn add(&mut self, stiffness: f64) {
+        let sum: f64 = self.weights.iter().map(|w| w.1.abs()).sum();
+        for (row, w) in self.weights.drain(..) {
+            self.kappa[row as usize] += stiffness * w.abs() * sum;
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! The systems of contact between filaments.
+use super::assemble::*;
+use super::kernel::Settings;
+use super::lines::{Centrelines, Lines};
+use super::list::{Builder, excluded};
+use super::records::*;
+use super::search::Search;
+use super::spec::InitialOverlap;
+use braid_ecs::prelude::*;
+
+/// Masses of the nodes by row, periodic copies with the mass of the whole node.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct JointMasses(pub Vec<f64>);
+
+/// What the last evaluation asks of the next search.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct Requests {
+    /// Records have left their segment.
+    pub strayed: bool,
+    /// Filaments that touch have turned against each other: crossings must be looked for.
+    pub turned: bool,
+    /// The list must be made again in this step.
+    pub rebuild: bool,
+}
+
+/// Overlap that goes away in time.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct Relaxation {
+    /// What was asked for.
+    pub rule: InitialOverlap,
+}
+
+impl Relaxation {
+    /// Factor on the offsets in the step that ends at `time`.
+    pub fn keep(&self, time: f64, dt: f64) -> f64 {
+        match self.rule {
+            InitialOverlap::Relax(t) if time < t.0 => (1.0 - time / t.0) / (1.0 - (time - dt).max(0.0) / t.0),
+            InitialOverlap::Relax(_) => 0.0,
+            _ => 1.0,
+        }
+    }
+}
+
+/// Scratch space of the list.
+#[derive(Resource, Default)]
+pub struct ListBuilder(pub Builder);
+
+/// Centrelines follow the nodes.
+pub fn refresh(lines: Res<Lines>, masses: Res<JointMasses>, mut now: ResMut<Centrelines>, mut nodes: Query<(&Position, &Velocity)>) {
+    let (x, v) = columns(&mut nodes);
+    now.refresh(&lines, x, v, &masses.0);
+}
+
+/// Records that have left their segment move to the next one; decides whether a new list is due.
+pub fn follow(
+    clock: Res<Clock>,
+    lines: Res<Lines>,
+    now: Res<Centrelines>,
+    live: Res<LiveRecords>,
+    mut search: ResMut<Search>,
+    mut requests: ResMut<Requests>,
+    mut gather: ResMut<Gather>,
+    mut line: Query<(&mut LineRecord, &mut LineState)>,
+    mut point: Query<(&mut PointRecord, &mut PointState)>,
+) {
+    if requests.strayed {
+        let (mut lr, mut ls) = columns(&mut line);
+        let (mut pr, mut ps) = columns(&mut point);
+        let (lr, ls) = (&mut lr.bypass_change_detection()[..live.lines], &mut ls.bypass_change_detection()[..live.lines]);
+        let (pr, ps) = (&mut pr.bypass_change_detection()[..live.points], &mut ps.bypass_change_detection()[..live.points]);
+        for (r, s) in lr.iter_mut().zip(ls) {
+            r.rehome(&lines, &mut s.t);
+        }
+        for (r, s) in pr.iter_mut().zip(ps) {
+            r.rehome(&lines, &mut s.t);
+        }
+        gather.index(&lines, lr, pr);
+        requests.strayed = false;
+    }
+    requests.rebuild = search.outdated(&lines, &now, clock.dt) || requests.turned;
+}
+
+/// Makes a new list if one is due.
+pub fn rebuild(world: &mut World) {
+    super::stiffness::resolve(world);
+    if world.resource::<Requests>().rebuild {
+        make_list(world);
+        *world.resource_mut::<Requests>() = Requests::default();
+    }
+}
+
+/// Finds all pairs, makes records of them with the history of the old ones, and writes them to the pools.
+pub fn make_list(world: &mut World) {
+    let mut search = world.remove_resource::<Search>().expect("inserted by the installer");
+    let mut builder = world.remove_resource::<ListBuilder>().expect("inserted by the installer");
+    let mut gather = world.remove_resource::<Gather>().expect("inserted by the installer");
+    let live = *world.resource::<LiveRecords>();
+    let mut line = world.query::<(&mut LineRecord, &mut LineState)>();
+    let mut point = world.query::<(&mut PointRecord, &mut PointState)>();
+    {
+        let (lines, now, settings) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<Settings>());
+        let touching = world.resource::<SelfContact>().0;
+        let never = |c| excluded(lines, c) || !touching && lines.chain_of(c.a) == lines.chain_of(c.b) && c.image == lines.images.zero();
+        search.candidates(lines, now, never, &mut builder.0.candidates);
+        builder.0.build(settings, lines, now);
+        let (mut old_lines, mut old_points) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        for (r, s) in line.iter(world).take(live.lines) {
+            old_lines.0.push(*r);
+            old_lines.1.push(*s);
+        }
+        for (r, s) in point.iter(world).take(live.points) {
+            old_points.0.push(*r);
+            old_points.1.push(*s);
+        }
+        builder.0.inherit(lines, (&old_lines.0, &old_lines.1), (&old_points.0, &old_points.1));
+    }
+    reserve(world, &builder.0);
+    for (new, (mut r, mut s)) in builder.0.lines.iter().zip(line.iter_mut(world)) {
+        (*r, *s) = *new;
+    }
+    for (new, (mut r, mut s)) in builder.0.points.iter().zip(point.iter_mut(world)) {
+        (*r, *s) = *new;
+    }
+    *world.resource_mut::<LiveRecords>() = LiveRecords { lines: builder.0.lines.len(), points: builder.0.points.len() };
+    let records: (Vec<LineRecord>, Vec<PointRecord>) =
+        (builder.0.lines.iter().map(|r| r.0).collect(), builder.0.points.iter().map(|r| r.0).collect());
+    gather.index(world.resource::<Lines>(), &records.0, &records.1);
+    world.insert_resource(search);
+    world.insert_resource(builder);
+    world.insert_resource(gather);
+}
+
+/// True if a filament may touch itself.
+#[derive(Resource, Clone, Copy, Debug)]
+pub struct SelfContact(pub bool);
+
+/// Makes room in the pools; they never shrink.
+fn reserve(world: &mut World, builder: &Builder) {
+    let have = (world.query::<&LineRecord>().iter(world).len(), world.query::<&PointRecord>().iter(world).len());
+    let wanted = |need: usize, have: usize| if need > have { (need + need / 2).max(16) - have } else { 0 };
+    let lines = wanted(builder.lines.len().max(1), have.0);
+    let idle = LineRecord { node: u32::MAX, segment: u32::MAX, image: 0, half: false, crossing: false };
+    let state = LineState { t: 0.0, slip: DVec3::ZERO, offset: 0.0 };
+    world.spawn_batch((0..lines).map(|_| (idle, state, LineForce::default())).collect::<Vec<_>>());
+    let points = wanted(builder.points.len().max(1), have.1);
+    let idle = PointRecord { segments: [u32::MAX; 2], image: 0 };
+    let state = PointState { t: [0.0; 2], slip: DVec3::ZERO, offset: 0.0 };
+    world.spawn_batch((0..points).map(|_| (idle, state, PointForce::default())).collect::<Vec<_>>());
+}
+
+/// Forces of all records, and their sums at the nodes.
+pub fn forces(
+    clock: Res<Clock>,
+    relaxation: Res<Relaxation>,
+    mut settings: ResMut<Settings>,
+    (lines, now, live): (Res<Lines>, Res<Centrelines>, Res<LiveRecords>),
+    mut requests: ResMut<Requests>,
+    mut gather: ResMut<Gather>,
+    mut ledger: ResMut<EnergyLedger>,
+    mut line: Query<(&LineRecord, &mut LineState, &mut LineForce)>,
+    mut point: Query<(&PointRecord, &mut PointState, &mut PointForce)>,
+    mut nodes: Query<&mut Force>,
+) {
+    settings.law.dt = clock.dt;
+    settings.keep = relaxation.keep(clock.time, clock.dt);
+    let (lr, mut ls, mut lf) = columns(&mut line);
+    let (pr, mut ps, mut pf) = columns(&mut point);
+    let n = live.lines;
+    let (lr, ls, lf) = (&lr[..n], &mut ls.bypass_change_detection()[..n], &mut lf.bypass_change_detection()[..n]);
+    let n = live.points;
+    let (pr, ps, pf) = (&pr[..n], &mut ps.bypass_change_detection()[..n], &mut pf.bypass_change_detection()[..n]);
+    let mut total = evaluate_lines(&settings, &lines, &now, lr, ls, lf);
+    total.add(evaluate_points(&settings, &lines, &now, pr, ps, pf));
+    requests.strayed |= total.strayed;
+    requests.turned |= total.turned;
+    ledger.friction += total.friction;
+    ledger.damping += total.damping;
+    ledger.external_work += total.relaxed;
+    gather.sum(&lines, &now, lr, lf, pr, pf);
+    let mut force = columns(&mut nodes);
+    let force = force.bypass_change_detection();
+    gather.scatter(&lines, |row, f| force[row].0 += f);
+}

@@ -1,0 +1,190 @@
+//! Forces of surfaces on nodes and on segments over edges.
+//!
+//! Nodes stand for their share of length, as between filaments. Where a filament runs over an edge
+//! that turns within less than a segment, the nodes would miss it: there the point of the centreline
+//! nearest to the edge takes over. Nodes hand over to it by three numbers between 0 and 1: the angle
+//! between filament and edge, the direction of the edge's push between those of its two faces, and
+//! how many segments the rounding takes.
+use super::records::*;
+use super::shape::{Edge, Shape};
+use crate::systems::contact::lane::V3;
+use crate::systems::contact::law::{Law, Response, Touch, respond};
+use crate::systems::contact::lines::{Centrelines, Lines, xyz};
+use crate::systems::contact::{curve, list};
+use braid_ecs::prelude::*;
+use glam::DVec2;
+
+/// A surface and its numbers.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Name for probes and messages.
+    pub name: String,
+    /// Shape.
+    pub shape: Shape,
+    /// The law.
+    pub law: Law,
+    /// Normal stiffness per length (force / length^2).
+    pub line_stiffness: f64,
+    /// Normal stiffness over an edge (force / length).
+    pub point_stiffness: f64,
+    /// Factor on the offsets in this step.
+    pub keep: f64,
+}
+
+/// Everything about a record at one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Touching {
+    /// What the law gave.
+    pub response: Response<f64>,
+    /// Parameter on the segment (edges).
+    pub t: f64,
+    /// Penetration less the offset (length).
+    pub penetration: f64,
+    /// Offset of the penetration (length).
+    pub offset: f64,
+    /// Outward normal.
+    pub normal: DVec3,
+    /// Stiffness with weights (force / length).
+    pub stiffness: f64,
+    /// Place on the centreline.
+    pub place: DVec3,
+}
+
+/// Angle window between filament and edge, in diameters per segment: as between filaments.
+const WINDOW: [f64; 2] = [0.10, 0.25];
+/// Sine of the angle from a face within which the edge comes in, in diameters per segment.
+const ONSET: f64 = 0.1;
+
+/// Weight of the edge for a filament of radius `r` in direction `d` from the corner's centre, with
+/// tangent `tangent` (figure plane and axis part) and sampling length `length`.
+fn edge_weight(edge: &Edge, d: DVec2, flat_share: f64, r: f64, length: f64) -> f64 {
+    let unit = 2.0 * r / length;
+    let across = ((flat_share - WINDOW[0] * unit) / ((WINDOW[1] - WINDOW[0]) * unit)).clamp(0.0, 1.0);
+    let arc = (r + edge.radius) * edge.turn;
+    let coarse = ((3.0 * length - arc) / (2.0 * length)).clamp(0.0, 1.0);
+    let between = edge.beyond.map_or(1.0, |[a, b]| {
+        let onset = (ONSET * unit).min(0.25 * edge.turn.sin().abs().max(0.1));
+        (d.dot(a).min(d.dot(b)) / onset).clamp(0.0, 1.0)
+    });
+    across * coarse * between
+}
+
+/// Share of a tangent that lies in the figure's plane: the sine of the angle with the axis.
+fn flat_share(shape: &Shape, tangent: DVec3) -> f64 {
+    let l = tangent.length();
+    if l > 0.0 { shape.flat_direction(tangent).length() / l } else { 0.0 }
+}
+
+fn v3(v: DVec3) -> V3<f64> {
+    v.into()
+}
+
+/// Force on a node.
+pub fn node_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &SurfaceRecord, state: &SurfaceState) -> Touching {
+    let i = record.node as usize;
+    let slot = &lines.slots[i];
+    let (x, v) = (xyz(&now.x[i]), xyz(&now.v[i]));
+    let (distance, normal) = surface.shape.distance(x);
+    let flat = surface.shape.flat(x);
+    let share = flat_share(&surface.shape, xyz(&now.tangent[i]));
+    let handed: f64 = surface
+        .shape
+        .edges
+        .iter()
+        .map(|e| {
+            let d = flat - e.centre;
+            let l = d.length();
+            let here = l > 0.0 && e.beyond.is_none_or(|[a, b]| d.dot(a) > 0.0 && d.dot(b) > 0.0);
+            if here { edge_weight(e, d / l, share, slot.radius, slot.spacing) } else { 0.0 }
+        })
+        .sum();
+    let overlap = slot.radius - distance;
+    let offset = (state.offset * surface.keep).min(overlap.max(0.0));
+    let stiffness = surface.line_stiffness * (slot.half[0] + slot.half[1]) * (1.0 - handed);
+    let touch = Touch {
+        stiffness,
+        penetration: overlap - offset,
+        reach: 2.0 * slot.radius,
+        normal: v3(normal),
+        velocity: v3(v),
+        mass: now.v[i][3],
+    };
+    let response = respond(&surface.law, &touch, v3(state.slip));
+    Touching { response, t: 0.0, penetration: touch.penetration, offset, normal, stiffness, place: x }
+}
+
+/// One Newton step towards the point of a segment nearest to an edge.
+pub fn edge_step(lines: &Lines, now: &Centrelines, shape: &Shape, centre: DVec2, segment: u32, t: f64) -> f64 {
+    let c = list::curve_of(lines, now, segment).at(t);
+    let d = shape.flat(xyz(&now.x[segment as usize]) + c.x.lane(0)) - centre;
+    let (d1, d2) = (shape.flat_direction(c.d.lane(0)), shape.flat_direction(c.dd.lane(0)));
+    let metric = d1.length_squared();
+    if metric <= 1e-12 * c.d.dot(c.d) {
+        return t;
+    }
+    let slope = (metric + d.dot(d2)).max(0.25 * metric);
+    let free = lines.slots[segment as usize].free;
+    let (low, high) = (if free[0] { 0.0 } else { -2.0 }, if free[1] { 1.0 } else { 3.0 });
+    (t - (d.dot(d1) / slope).clamp(-0.5, 0.5)).clamp(low, high)
+}
+
+/// Force of an edge on a segment.
+pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> Touching {
+    let shape = &surface.shape;
+    let edge = &shape.edges[record.edge as usize];
+    let j = record.segment as usize;
+    let t = edge_step(lines, now, shape, edge.centre, record.segment, state.t);
+    let curve = list::curve_of(lines, now, record.segment);
+    let p = curve.at(t);
+    let place = xyz(&now.x[j]) + p.x.lane(0);
+    let radius = lines.slots[j].radius;
+    let mut d = shape.flat(place) - edge.centre;
+    let mut distance = d.length();
+    if let Some([a, b]) = edge.beyond
+        && d.dot(a + b) < 0.0
+    {
+        // The centreline has got inside: out along the bisector.
+        distance = -distance;
+        d = a + b;
+    }
+    let direction = d.normalize_or_zero();
+    let normal = shape.lift(direction);
+    // On the extension of a segment nothing is known: wait for the move to the next one.
+    let valid = (-0.05..1.05).contains(&t);
+    let share = flat_share(shape, p.d.lane(0));
+    let weight = if valid { edge_weight(edge, direction, share, radius, lines.slots[j].length) } else { 0.0 };
+    let overlap = radius + edge.radius - distance;
+    let offset = (state.offset * surface.keep).min(overlap.max(0.0));
+    let h = now.tangent[j][3];
+    let w = curve::weights(t, curve.range);
+    let velocity = xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * h;
+    let stiffness = surface.point_stiffness * weight;
+    let touch = Touch {
+        stiffness,
+        penetration: overlap - offset,
+        reach: 2.0 * radius,
+        normal: v3(normal),
+        velocity: v3(velocity),
+        mass: now.v[j][3] + (now.v[j + 1][3] - now.v[j][3]) * t.clamp(0.0, 1.0),
+    };
+    let response = respond(&surface.law, &touch, v3(state.slip));
+    Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, place }
+}
+
+/// Spreads a force at parameter `t` of a segment over the slots.
+pub fn spread(lines: &Lines, now: &Centrelines, segment: u32, t: f64, force: DVec3, mut add: impl FnMut(u32, DVec3)) {
+    let j = segment as usize;
+    let w = curve::weights(t, curve::Range::new(|_| lines.slots[j].free));
+    let h = now.tangent[j][3];
+    add(segment, force * w.a);
+    add(segment + 1, force * w.b);
+    for (slot, weight) in [(j, w.ta * h), (j + 1, w.tb * h)] {
+        let s = &lines.slots[slot];
+        let first = (slot as isize + s.first) as u32;
+        for (k, c) in s.tangent.iter().enumerate() {
+            if *c != 0.0 {
+                add(first + k as u32, force * (c * weight));
+            }
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Rigid surfaces: mandrels and floors, with friction.
+//!
+//! Nodes near a surface meet it by a signed distance ([`shape`]); a filament over a sharp edge
+//! between two nodes meets it at the point nearest to the edge ([`kernel`]). The law is that between
+//! filaments. Surfaces rest.
+pub mod kernel;
+pub mod records;
+pub mod shape;
+mod spec;
+mod systems;
+
+pub use kernel::Surface;
+pub use spec::{ShapeSpec, SurfaceSpec, Surfaces};
+pub use systems::{SurfaceReactions, SurfaceSet, plugin, surface_contacts};

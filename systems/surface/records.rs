@@ -1,0 +1,52 @@
+//! Records of nodes near a surface and of segments near one of its edges, pooled like those between
+//! filaments.
+use braid_ecs::prelude::*;
+
+/// A node near a surface.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceRecord {
+    /// Number of the surface.
+    pub surface: u32,
+    /// Slot of the node.
+    pub node: u32,
+}
+
+/// What a surface record remembers.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceState {
+    /// Elastic slip of the friction spring (length).
+    pub slip: DVec3,
+    /// Penetration that is left free of force (length).
+    pub offset: f64,
+}
+
+/// A segment near an edge of a surface.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub struct EdgeRecord {
+    /// Number of the surface.
+    pub surface: u32,
+    /// Number of the edge.
+    pub edge: u32,
+    /// Slot of the segment.
+    pub segment: u32,
+}
+
+/// What an edge record remembers.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+pub struct EdgeState {
+    /// Parameter of the point nearest to the edge.
+    pub t: f64,
+    /// Elastic slip of the friction spring (length).
+    pub slip: DVec3,
+    /// Penetration that is left free of force (length).
+    pub offset: f64,
+}
+
+/// How many rows of the pools are in use.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LiveSurfaceRecords {
+    /// Nodes near surfaces.
+    pub nodes: usize,
+    /// Segments near edges.
+    pub edges: usize,
+}

@@ -1,0 +1,141 @@
+//! What a scene says about rigid surfaces.
+use crate::systems::contact::{InitialOverlap, bounded, positive};
+use braid_ecs::prelude::*;
+use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessPerLength};
+
+/// All rigid surfaces of a model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Surfaces(pub Vec<SurfaceSpec>);
+
+/// A rigid surface at rest that filaments lie on: a mandrel, a floor.
+///
+/// Lying on it, a filament meets the force `line_stiffness` x penetration per length; over an edge
+/// the force is `stiffness` x penetration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceSpec {
+    /// Name for probes and messages. Default `mandrel`.
+    #[serde(default = "mandrel")]
+    pub name: String,
+    /// Shape.
+    pub shape: ShapeSpec,
+    /// A point of the axis, or of the plane (length). Default the origin.
+    #[serde(default)]
+    pub position: Point,
+    /// Direction of the axis, or normal of the plane. Default z.
+    #[serde(default = "along_z")]
+    pub axis: [f64; 3],
+    /// Turn of the cross-section about the axis. Default 0.
+    #[serde(default)]
+    pub turn: Angle,
+    /// Coulomb friction coefficient. Default 0.2.
+    #[serde(default = "friction")]
+    pub friction: Ratio,
+    /// Normal stiffness over an edge (force / length). Default from mass and time step.
+    #[serde(default)]
+    pub stiffness: Option<Stiffness>,
+    /// Normal stiffness per length of a filament lying on the surface (force / length^2). Default from mass and time step.
+    #[serde(default)]
+    pub line_stiffness: Option<StiffnessPerLength>,
+    /// Tangential over normal stiffness of the friction springs. Default 0.5.
+    #[serde(default = "half")]
+    pub friction_stiffness: Ratio,
+    /// Damping ratio of the normal springs. Default 0.05.
+    #[serde(default = "damping")]
+    pub damping: Ratio,
+    /// What to do where filaments reach into the surface at the start by more than 5 % of the radius. Default `Error`.
+    #[serde(default)]
+    pub initial_overlap: InitialOverlap,
+}
+
+fn mandrel() -> String {
+    "mandrel".into()
+}
+fn along_z() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+fn friction() -> Ratio {
+    Ratio(0.2)
+}
+fn half() -> Ratio {
+    Ratio(0.5)
+}
+fn damping() -> Ratio {
+    Ratio(0.05)
+}
+
+/// Shapes. Prisms and cylinders are infinitely long along their axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ShapeSpec {
+    /// A half space; the axis is its outward normal.
+    Plane,
+    /// A round bar.
+    Cylinder {
+        /// Radius (length).
+        radius: Length,
+    },
+    /// A square bar.
+    Square {
+        /// Side (length).
+        side: Length,
+        /// Radius of the edges (length), 0 for sharp ones. Default 0.
+        #[serde(default)]
+        edge_radius: Length,
+    },
+    /// A bar with a regular polygon as cross-section.
+    Regular {
+        /// Number of sides, at least 3.
+        sides: u32,
+        /// Length of a side (length).
+        side: Length,
+        /// Radius of the edges (length), 0 for sharp ones. Default 0.
+        #[serde(default)]
+        edge_radius: Length,
+    },
+    /// A bar with a convex polygon as cross-section.
+    Polygon {
+        /// Corners in the plane across the axis (length), either way round.
+        corners: Vec<[Length; 2]>,
+        /// Radius of the edges (length), 0 for sharp ones. Default 0.
+        #[serde(default)]
+        edge_radius: Length,
+    },
+}
+
+impl SurfaceSpec {
+    /// A surface of this shape with default settings.
+    pub fn new(shape: ShapeSpec) -> Self {
+        SurfaceSpec {
+            name: mandrel(),
+            shape,
+            position: Point::default(),
+            axis: along_z(),
+            turn: Angle(0.0),
+            friction: friction(),
+            stiffness: None,
+            line_stiffness: None,
+            friction_stiffness: half(),
+            damping: damping(),
+            initial_overlap: InitialOverlap::Error,
+        }
+    }
+
+    /// Checks the numbers and the shape.
+    ///
+    /// # Errors
+    /// The first field that makes no sense.
+    pub fn check(&self) -> Result<(), SpecError> {
+        bounded("friction", "the friction coefficient", self.friction.0, 0.0, f64::INFINITY)?;
+        positive("stiffness", "the stiffness over an edge", self.stiffness.map(f64::from))?;
+        positive("line_stiffness", "the stiffness per length", self.line_stiffness.map(f64::from))?;
+        bounded("friction_stiffness", "the stiffness ratio of friction", self.friction_stiffness.0, 1e-6, 1.0)?;
+        bounded("damping", "the damping ratio", self.damping.0, 0.0, 1.0)?;
+        let axis = DVec3::from_array(self.axis);
+        if !axis.is_finite() || axis == DVec3::ZERO {
+            return Err(SpecError::new("axis", "the axis needs a direction").help("[0, 0, 1] is the z axis"));
+        }
+        super::shape::Section::new(&self.shape).map(|_| ())
+    }
+}

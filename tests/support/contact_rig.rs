@@ -1,0 +1,181 @@
+//! Contact without an engine: filaments at given places, and the forces on their nodes.
+use braid_ecs::prelude::*;
+use braid_ecs::systems::contact::assemble::*;
+use braid_ecs::systems::contact::kernel::*;
+use braid_ecs::systems::contact::law::Law;
+use braid_ecs::systems::contact::lines::*;
+use braid_ecs::systems::contact::list::*;
+use braid_ecs::systems::contact::records::*;
+use braid_ecs::systems::contact::search::*;
+
+pub struct Rig {
+    pub settings: Settings,
+    pub lines: Lines,
+    pub now: Centrelines,
+    pub search: Search,
+    pub builder: Builder,
+    pub line: (Vec<LineRecord>, Vec<LineState>, Vec<LineForce>),
+    pub point: (Vec<PointRecord>, Vec<PointState>, Vec<PointForce>),
+    pub gather: Gather,
+    pub x: Vec<Position>,
+    pub v: Vec<Velocity>,
+    pub mass: Vec<f64>,
+    pub force: Vec<DVec3>,
+    pub lost: Totals,
+    pub rehomed: usize,
+}
+
+pub fn settings(line_stiffness: f64, point_stiffness: f64) -> Settings {
+    Settings {
+        law: Law { friction: 0.0, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 0.0 },
+        line_stiffness,
+        point_stiffness,
+        window: [0.10, 0.25],
+        keep: 1.0,
+    }
+}
+
+/// Adds a filament through the points.
+pub fn filament(model: &mut Model, points: &[DVec3], radius: f64) -> usize {
+    let nodes = points
+        .iter()
+        .map(|p| {
+            model.nodes.push(Node::at(*p));
+            NodeId(model.nodes.len() as u32 - 1)
+        })
+        .collect();
+    model.filaments.push(Filament { nodes, radius, tow: 0, index: model.filaments.len(), closed: false, contact: true });
+    model.filaments.len() - 1
+}
+
+/// Points on a straight line.
+pub fn straight(from: DVec3, step: DVec3, count: usize) -> Vec<DVec3> {
+    (0..count).map(|i| from + step * i as f64).collect()
+}
+
+impl Rig {
+    pub fn new(model: &Model, settings: Settings, skin: f64) -> Rig {
+        let x: Vec<Position> = model.nodes.iter().map(|n| Position(n.position)).collect();
+        let v: Vec<Velocity> = model.nodes.iter().map(|n| Velocity(n.velocity)).collect();
+        let places: Vec<DVec3> = x.iter().map(|p| p.0).collect();
+        let lines = Lines::new(model, |n| n.row(), &places).unwrap();
+        let search = Search::new(skin * lines.mean_radius);
+        let count = x.len();
+        let mut rig = Rig {
+            settings,
+            lines,
+            now: Centrelines::default(),
+            search,
+            builder: Builder::default(),
+            line: Default::default(),
+            point: Default::default(),
+            gather: Gather::default(),
+            x,
+            v,
+            mass: vec![1.0; count],
+            force: vec![DVec3::ZERO; count],
+            lost: Totals::default(),
+            rehomed: 0,
+        };
+        rig.rebuild();
+        rig
+    }
+
+    pub fn refresh(&mut self) {
+        self.now.refresh(&self.lines, &self.x, &self.v, &self.mass);
+    }
+
+    pub fn rebuild(&mut self) {
+        self.refresh();
+        let lines = &self.lines;
+        self.search.candidates(lines, &self.now, |c| excluded(lines, c), &mut self.builder.candidates);
+        self.builder.build(&self.settings, lines, &self.now);
+        self.builder.inherit(lines, (&self.line.0, &self.line.1), (&self.point.0, &self.point.1));
+        self.line.0 = self.builder.lines.iter().map(|r| r.0).collect();
+        self.line.1 = self.builder.lines.iter().map(|r| r.1).collect();
+        self.line.2 = vec![LineForce::default(); self.line.0.len()];
+        self.point.0 = self.builder.points.iter().map(|r| r.0).collect();
+        self.point.1 = self.builder.points.iter().map(|r| r.1).collect();
+        self.point.2 = vec![PointForce::default(); self.point.0.len()];
+        self.gather.index(&self.lines, &self.line.0, &self.point.0);
+    }
+
+    /// Forces at the current positions, after a step `dt` with the current velocities.
+    pub fn evaluate(&mut self, dt: f64) {
+        self.refresh();
+        self.settings.law.dt = dt;
+        if self.lost.strayed {
+            for (r, s) in self.line.0.iter_mut().zip(&mut self.line.1) {
+                r.rehome(&self.lines, &mut s.t);
+            }
+            for (r, s) in self.point.0.iter_mut().zip(&mut self.point.1) {
+                r.rehome(&self.lines, &mut s.t);
+            }
+            self.gather.index(&self.lines, &self.line.0, &self.point.0);
+            self.rehomed += 1;
+        }
+        if self.search.outdated(&self.lines, &self.now, dt) || self.lost.turned {
+            self.rebuild();
+        }
+        let a = evaluate_lines(&self.settings, &self.lines, &self.now, &self.line.0, &mut self.line.1, &mut self.line.2);
+        let b = evaluate_points(&self.settings, &self.lines, &self.now, &self.point.0, &mut self.point.1, &mut self.point.2);
+        self.lost.friction += a.friction + b.friction;
+        self.lost.damping += a.damping + b.damping;
+        self.lost.strayed = a.strayed | b.strayed;
+        self.lost.turned = a.turned;
+        self.gather.sum(&self.lines, &self.now, &self.line.0, &self.line.2, &self.point.0, &self.point.2);
+        self.force.fill(DVec3::ZERO);
+        let force = &mut self.force;
+        self.gather.scatter(&self.lines, |row, f| force[row] += f);
+    }
+
+    /// Forces after the closest points have settled, without any change of history in time.
+    pub fn settle(&mut self) {
+        for _ in 0..4 {
+            self.evaluate(0.0);
+        }
+    }
+
+    /// Elastic energy of all records.
+    pub fn energy(&self) -> f64 {
+        let mut sum = 0.0;
+        for (r, s) in self.line.0.iter().zip(&self.line.1) {
+            let c: Contact<f64> =
+                line_contact(&self.settings, &self.lines, &self.now, std::slice::from_ref(r), std::slice::from_ref(s));
+            sum += c.response.energy;
+        }
+        for (r, s) in self.point.0.iter().zip(&self.point.1) {
+            let c: Contact<f64> =
+                point_contact(&self.settings, &self.lines, &self.now, std::slice::from_ref(r), std::slice::from_ref(s));
+            sum += c.response.energy;
+        }
+        sum
+    }
+
+    /// Total force on the nodes of a filament.
+    pub fn force_on(&self, model: &Model, filament: usize) -> DVec3 {
+        model.filaments[filament].nodes.iter().map(|n| self.force[n.row()]).sum()
+    }
+
+    /// Moves the nodes of a filament.
+    pub fn shift(&mut self, model: &Model, filament: usize, by: DVec3) {
+        for n in &model.filaments[filament].nodes {
+            self.x[n.row()].0 += by;
+        }
+    }
+}
+
+/// Pseudo-random numbers in [-1, 1) (xorshift64*).
+pub struct Noise(pub u64);
+
+impl Noise {
+    pub fn next(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    pub fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+}

@@ -237,13 +237,16 @@ pub enum ProbeSpec {
     /// Distance of two nodes.
     Distance {
         /// The nodes.
+        #[serde(with = "crate::scene::units::list")]
         nodes: [NodeRef; 2],
     },
     /// Angle between the lines through two pairs of nodes, 0 to pi (radian).
     Angle {
         /// First line, from node to node.
+        #[serde(with = "crate::scene::units::list")]
         from: [NodeRef; 2],
         /// Second line, from node to node.
+        #[serde(with = "crate::scene::units::list")]
         to: [NodeRef; 2],
     },
     /// Largest value of a probe over all samples so far.

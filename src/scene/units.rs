@@ -434,6 +434,14 @@ quantities! {
     Energy, "an energy", [2, 1, -2, 0], "\"1 nJ\"";
 }
 
+/// `#[serde(deserialize_with = "finite")]` for a plain number that must be finite.
+///
+/// # Errors
+/// NaN and infinite numbers.
+pub fn finite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ratio::deserialize(deserializer).map(f64::from)
+}
+
 /// Three components in square brackets, `[x, y, z]`.
 ///
 /// RON writes arrays of a fixed length as tuples, in round brackets; in a scene every vector is a list.

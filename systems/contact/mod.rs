@@ -40,6 +40,7 @@ use systems::*;
 
 /// Registers contact between filaments, for models with a [`ContactSpec`].
 pub fn plugin(sim: &mut Simulation) {
+    sim.add_settings::<ContactSpec>();
     sim.add_installer("contact", install);
 }
 

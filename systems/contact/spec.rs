@@ -105,3 +105,11 @@ impl ContactSpec {
         Ok(())
     }
 }
+
+impl SceneSettings for ContactSpec {
+    const KEY: &'static str = "contact";
+    const ABOUT: &'static str = "contact with Coulomb friction between filaments";
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        ContactSpec::check(self)
+    }
+}

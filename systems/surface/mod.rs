@@ -10,5 +10,5 @@ mod spec;
 mod systems;
 
 pub use kernel::Surface;
-pub use spec::{ShapeSpec, SurfaceSpec, Surfaces};
+pub use spec::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces};
 pub use systems::{SurfaceReactions, SurfaceSet, plugin, surface_contacts};

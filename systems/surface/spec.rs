@@ -8,6 +8,40 @@ use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessP
 #[serde(transparent)]
 pub struct Surfaces(pub Vec<SurfaceSpec>);
 
+/// The one rigid surface that a braid is pulled onto.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Mandrel(pub SurfaceSpec);
+
+impl SceneSettings for Surfaces {
+    const KEY: &'static str = "surfaces";
+    const ABOUT: &'static str = "rigid surfaces at rest, with friction";
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        for (k, s) in self.0.iter().enumerate() {
+            s.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
+        }
+        Ok(())
+    }
+}
+
+impl SceneSettings for Mandrel {
+    const KEY: &'static str = "mandrel";
+    const ABOUT: &'static str = "the rigid surface that filaments are pulled onto";
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        self.0.check()
+    }
+}
+
+impl Surfaces {
+    /// All rigid surfaces of a model, the mandrel first, each with its friction.
+    pub fn of(model: &Model) -> Vec<SurfaceSpec> {
+        let contact = model.get::<crate::systems::contact::ContactSpec>().map_or(Ratio(0.2), |c| c.friction);
+        let mandrel = model.get::<Mandrel>().map(|m| m.0.clone());
+        let others = model.get::<Surfaces>().cloned().unwrap_or_default().0;
+        mandrel.into_iter().chain(others).map(|s| SurfaceSpec { friction: Some(s.friction.unwrap_or(contact)), ..s }).collect()
+    }
+}
+
 /// A rigid surface at rest that filaments lie on: a mandrel, a floor.
 ///
 /// Lying on it, a filament meets the force `line_stiffness` x penetration per length; over an edge
@@ -29,9 +63,9 @@ pub struct SurfaceSpec {
     /// Turn of the cross-section about the axis. Default 0.
     #[serde(default)]
     pub turn: Angle,
-    /// Coulomb friction coefficient. Default 0.2.
-    #[serde(default = "friction")]
-    pub friction: Ratio,
+    /// Coulomb friction coefficient. Default that of `contact`, or 0.2.
+    #[serde(default)]
+    pub friction: Option<Ratio>,
     /// Normal stiffness over an edge (force / length). Default from mass and time step.
     #[serde(default)]
     pub stiffness: Option<Stiffness>,
@@ -54,9 +88,6 @@ fn mandrel() -> String {
 }
 fn along_z() -> [f64; 3] {
     [0.0, 0.0, 1.0]
-}
-fn friction() -> Ratio {
-    Ratio(0.2)
 }
 fn half() -> Ratio {
     Ratio(0.5)
@@ -113,7 +144,7 @@ impl SurfaceSpec {
             position: Point::default(),
             axis: along_z(),
             turn: Angle(0.0),
-            friction: friction(),
+            friction: None,
             stiffness: None,
             line_stiffness: None,
             friction_stiffness: half(),
@@ -127,7 +158,7 @@ impl SurfaceSpec {
     /// # Errors
     /// The first field that makes no sense.
     pub fn check(&self) -> Result<(), SpecError> {
-        bounded("friction", "the friction coefficient", self.friction.0, 0.0, f64::INFINITY)?;
+        bounded("friction", "the friction coefficient", self.friction.map_or(0.0, |f| f.0), 0.0, f64::INFINITY)?;
         positive("stiffness", "the stiffness over an edge", self.stiffness.map(f64::from))?;
         positive("line_stiffness", "the stiffness per length", self.line_stiffness.map(f64::from))?;
         bounded("friction_stiffness", "the stiffness ratio of friction", self.friction_stiffness.0, 1e-6, 1.0)?;

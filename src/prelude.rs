@@ -7,7 +7,7 @@ pub use crate::element::*;
 pub use crate::ledger::{ContactSummary, EnergyLedger};
 pub use crate::model::*;
 pub use crate::parallel;
-pub use crate::registry::{Build, SceneSettings, SpecError};
+pub use crate::registry::{Build, Settings, SpecError};
 pub use crate::simulation::{Failure, HeldDofs, Install, NodeEntities, NodeRows, Simulation};
 pub use crate::step::{Clock, StepSet};
 pub use bevy_ecs::prelude::*;

@@ -122,7 +122,7 @@ pub enum ReadError {
 /// Settings of a plugin: a top-level key of the scene, stored in the model for its installer
 /// ([`Model::get`](crate::model::Model::get)). Register them with
 /// [`Simulation::add_settings`](crate::simulation::Simulation::add_settings).
-pub trait SceneSettings: serde::de::DeserializeOwned + serde::Serialize + std::any::Any + Send + Sync {
+pub trait Settings: serde::de::DeserializeOwned + serde::Serialize + std::any::Any + Send + Sync {
     /// The key; names from outside carry a prefix.
     const KEY: &'static str;
     /// One sentence for `braid-ecs plugins` and messages.
@@ -146,7 +146,7 @@ pub struct SettingsKind {
     pub read: fn(&str, &mut Build<'_>) -> Result<String, ReadError>,
 }
 
-fn read_settings<S: SceneSettings>(text: &str, build: &mut Build<'_>) -> Result<String, ReadError> {
+fn read_settings<S: Settings>(text: &str, build: &mut Build<'_>) -> Result<String, ReadError> {
     let mut settings: S = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
     settings.check(build).map_err(ReadError::Whole)?;
     let resolved = crate::scene::ron_options().to_string(&settings).map_err(|e| ReadError::Whole(SpecError::new("", e.to_string())))?;
@@ -206,7 +206,7 @@ impl Registry {
     ///
     /// # Panics
     /// If the key is taken: two plugins claim the same scene key.
-    pub fn add_settings<S: SceneSettings>(&mut self) {
+    pub fn add_settings<S: Settings>(&mut self) {
         assert!(self.settings_of(S::KEY).is_none(), "settings `{}` are registered twice", S::KEY);
         self.settings.push(SettingsKind { key: S::KEY, about: S::ABOUT, read: read_settings::<S> });
     }

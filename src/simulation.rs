@@ -182,7 +182,7 @@ impl Simulation {
     }
 
     /// Registers settings: a top-level key of the scene.
-    pub fn add_settings<S: crate::registry::SceneSettings>(&mut self) {
+    pub fn add_settings<S: crate::registry::Settings>(&mut self) {
         self.registry.add_settings::<S>();
     }
 

@@ -51,7 +51,7 @@ pub fn take_energies(world: &mut World) {
     }
     let mut ledger = world.resource_mut::<EnergyLedger>();
     if clock.step == 0 {
-        ledger.initial = kinetic + strain;
+        ledger.initial = kinetic + strain + ledger.contact;
         ledger.axial = 0.0;
     }
     ledger.kinetic = kinetic;

@@ -8,9 +8,6 @@ use crate::model::Model;
 use crate::scene::LoadedScene;
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
-use crate::systems::surface::shape::{Section, Shape};
-use crate::systems::surface::{ShapeSpec, Surfaces};
-use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Named probes with their running values.
@@ -80,14 +77,9 @@ pub fn measures(model: &Model, sim: &mut Simulation, units: UnitSystem) -> BTree
     out
 }
 
-/// From where the heights of a braid are measured: the faces of a straight-sided mandrel along z, else the axis.
-fn heights(model: &Model) -> Heights {
-    let Some(first) = Surfaces::of(model).into_iter().next() else { return Heights::Radial };
-    let along_z = DVec3::from_array(first.axis).cross(DVec3::Z) == DVec3::ZERO;
-    match first.shape {
-        ShapeSpec::Square { side, .. } if along_z => Heights::square(side.0, first.turn.0),
-        _ => Heights::Radial,
-    }
+/// From where the heights of a braid are measured.
+fn heights(_model: &Model) -> Heights {
+    Heights::Radial
 }
 
 /// Probes of a scene.
@@ -96,22 +88,6 @@ pub fn probes(loaded: &LoadedScene) -> Vec<(String, Probe)> {
 }
 
 /// Rigid surfaces of a model, for pictures.
-pub fn surfaces(model: &Model) -> Vec<Surface> {
-    Surfaces::of(model)
-        .iter()
-        .filter_map(|spec| {
-            let shape = Shape::new(spec).ok()?;
-            let axis = shape.frame.z_axis;
-            Some(match &shape.section {
-                Section::HalfPlane => Surface::Plane { point: shape.origin, normal: shape.frame.x_axis },
-                Section::Circle(radius) => Surface::Cylinder { centre: shape.origin, axis, radius: *radius },
-                // The edge radius pushes the faces outward; pictures show the sharp figure around them.
-                Section::Polygon(corners, edge) => {
-                    let centre = corners.iter().sum::<DVec2>() / corners.len() as f64;
-                    let grow = |c: &DVec2| *c + (*c - centre).normalize_or_zero() * *edge;
-                    Surface::Prism { axis, corners: corners.iter().map(|c| shape.origin + shape.lift(grow(c))).collect() }
-                }
-            })
-        })
-        .collect()
+pub fn surfaces(_model: &Model) -> Vec<Surface> {
+    Vec::new()
 }

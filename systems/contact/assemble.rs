@@ -5,7 +5,7 @@
 //! do not depend on the number of threads. A force on the image of a segment also pulls on the
 //! dummy nodes that carry the period.
 use super::curve::{Range, weights};
-use super::kernel::{Contact, Settings, line_contact, point_contact};
+use super::kernel::{Contact, Penalty, line_contact, point_contact};
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use bevy_ecs::prelude::*;
@@ -64,18 +64,18 @@ fn by_chunks<A: Sync, B: Send, C: Send>(
 }
 
 /// One line record, with all that can be said about it.
-pub fn of_line(settings: &Settings, lines: &Lines, now: &Centrelines, record: &LineRecord, state: &LineState) -> Contact<f64> {
-    line_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
+pub fn of_line(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &LineRecord, state: &LineState) -> Contact<f64> {
+    line_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
 }
 
 /// One point record, with all that can be said about it.
-pub fn of_point(settings: &Settings, lines: &Lines, now: &Centrelines, record: &PointRecord, state: &PointState) -> Contact<f64> {
-    point_contact(settings, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
+pub fn of_point(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &PointRecord, state: &PointState) -> Contact<f64> {
+    point_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
 }
 
 /// Forces of all line records.
 pub fn evaluate_lines(
-    settings: &Settings,
+    penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
     records: &[LineRecord],
@@ -85,10 +85,10 @@ pub fn evaluate_lines(
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
         for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c = of_line(settings, lines, now, record, state);
+            let c = of_line(penalty, lines, now, record, state);
             let r = &c.response;
-            if settings.keep < 1.0 {
-                sum.relaxed += r.normal_force * state.offset * (1.0 - settings.keep);
+            if penalty.keep < 1.0 {
+                sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
             *state = LineState { t: c.t[1], slip: r.slip.lane(0), offset: c.offset };
             *force = LineForce([r.force.x, r.force.y, r.force.z, c.t[1]]);
@@ -103,7 +103,7 @@ pub fn evaluate_lines(
 
 /// Forces of all point records.
 pub fn evaluate_points(
-    settings: &Settings,
+    penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
     records: &[PointRecord],
@@ -113,10 +113,10 @@ pub fn evaluate_points(
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
         for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c = of_point(settings, lines, now, record, state);
+            let c = of_point(penalty, lines, now, record, state);
             let r = &c.response;
-            if settings.keep < 1.0 {
-                sum.relaxed += r.normal_force * state.offset * (1.0 - settings.keep);
+            if penalty.keep < 1.0 {
+                sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
             *state = PointState { t: c.t, slip: r.slip.lane(0), offset: c.offset };
             *force = PointForce { force: r.force.lane(0), t: c.t };

@@ -14,7 +14,7 @@ use bevy_ecs::prelude::*;
 
 /// Numbers shared by all records.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct Penalty {
     /// The law.
     pub law: Law,
     /// Normal stiffness per length of line contact (force / length^2).
@@ -27,7 +27,7 @@ pub struct Settings {
     pub keep: f64,
 }
 
-impl Settings {
+impl Penalty {
     /// Length of line contact that is as stiff as a crossing.
     pub fn point_length(&self) -> f64 {
         if self.line_stiffness > 0.0 { self.point_stiffness / self.line_stiffness } else { 0.0 }
@@ -120,10 +120,10 @@ pub struct Contact<L> {
 }
 
 #[inline(always)]
-fn point_weight<L: Lane>(settings: &Settings, sine: L, reach: L, sampling: L) -> L {
+fn point_weight<L: Lane>(penalty: &Penalty, sine: L, reach: L, sampling: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let unit = reach / sampling.upper(L::splat(settings.point_length()));
-    let (low, high) = (L::splat(settings.window[0]), L::splat(settings.window[1]));
+    let unit = reach / sampling.upper(L::splat(penalty.point_length()));
+    let (low, high) = (L::splat(penalty.window[0]), L::splat(penalty.window[1]));
     ((sine - low * unit) / ((high - low) * unit)).within(zero, one)
 }
 
@@ -144,7 +144,7 @@ fn unit<L: Lane>(d: V3<L>, reach: L) -> (V3<L>, L) {
 /// Evaluates `L::WIDTH` line records.
 #[inline(always)]
 pub fn line_contact<L: Lane>(
-    settings: &Settings,
+    penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
     records: &[LineRecord],
@@ -194,13 +194,13 @@ pub fn line_contact<L: Lane>(
     let sampling = L::from_fn(|l| lines.slots[records[l].node as usize].spacing);
     let crossing = L::from_fn(|l| if records[l].crossing { 1.0 } else { 0.0 });
     let share = L::from_fn(|l| if records[l].half { 0.5 } else { 1.0 });
-    let cross = point_weight(settings, sine, reach, sampling);
+    let cross = point_weight(penalty, sine, reach, sampling);
     let beside = one - crossing * cross;
-    let stiffness = L::splat(settings.line_stiffness) * tributary * share * cover * beside;
+    let stiffness = L::splat(penalty.line_stiffness) * tributary * share * cover * beside;
 
     let w = weights(t, curve.range);
     let overlap = reach - distance;
-    let offset = (L::from_fn(|l| states[l].offset) * L::splat(settings.keep)).lower(overlap.upper(zero));
+    let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(zero));
     let ms = side.mass_at(t);
     let touch = Touch {
         stiffness,
@@ -211,7 +211,7 @@ pub fn line_contact<L: Lane>(
         mass: mn * ms / (mn + ms),
     };
     let slip = V3::new(L::from_fn(|l| states[l].slip.x), L::from_fn(|l| states[l].slip.y), L::from_fn(|l| states[l].slip.z));
-    let response = respond(&settings.law, &touch, slip);
+    let response = respond(&penalty.law, &touch, slip);
     let turned = L::pick(zero.less(touch.penetration), (one - crossing) * cross, zero);
     Contact { response, t: [zero, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }
@@ -219,7 +219,7 @@ pub fn line_contact<L: Lane>(
 /// Evaluates `L::WIDTH` point records.
 #[inline(always)]
 pub fn point_contact<L: Lane>(
-    settings: &Settings,
+    penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
     records: &[PointRecord],
@@ -248,7 +248,7 @@ pub fn point_contact<L: Lane>(
     // Side by side there is no crossing to follow: the record waits where it is.
     let (p, q) = (ca.at(s0), cb.at(t0));
     let (normal, _) = unit(apart + p.x - q.x, reach);
-    let low = L::splat(0.5 * settings.window[0]) * reach / sampling.upper(L::splat(settings.point_length()));
+    let low = L::splat(0.5 * penalty.window[0]) * reach / sampling.upper(L::splat(penalty.point_length()));
     let follow = low.less(sine_of(p.d, q.d, normal));
     let (s, t) = closest_step(&ca, &cb, apart, s0, t0, limits(0), limits(1));
     let (s, t) = (L::pick(follow, s, s0), L::pick(follow, t, t0));
@@ -259,11 +259,11 @@ pub fn point_contact<L: Lane>(
     // On the straight extension of a segment nothing is known: wait for the move to the next one.
     let (near, far) = (L::splat(-5.0 * SLACK), L::splat(1.0 + 5.0 * SLACK));
     let valid = near.less(s) & s.less(far) & near.less(t) & t.less(far);
-    let weight = L::pick(valid, point_weight(settings, sine, reach, sampling), L::splat(0.0));
-    let stiffness = L::splat(settings.point_stiffness) * weight;
+    let weight = L::pick(valid, point_weight(penalty, sine, reach, sampling), L::splat(0.0));
+    let stiffness = L::splat(penalty.point_stiffness) * weight;
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
-    let offset = (L::from_fn(|l| states[l].offset) * L::splat(settings.keep)).lower(overlap.upper(L::splat(0.0)));
+    let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(L::splat(0.0)));
     let (ma, mb) = (a.mass_at(s), b.mass_at(t));
     let touch = Touch {
         stiffness,
@@ -274,7 +274,7 @@ pub fn point_contact<L: Lane>(
         mass: ma * mb / (ma + mb),
     };
     let slip = V3::new(L::from_fn(|l| states[l].slip.x), L::from_fn(|l| states[l].slip.y), L::from_fn(|l| states[l].slip.z));
-    let response = respond(&settings.law, &touch, slip);
+    let response = respond(&penalty.law, &touch, slip);
     let turned = L::splat(0.0);
     Contact { response, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }

@@ -1,6 +1,6 @@
 //! From pairs of close segments to records, and from old records to new ones.
 use super::curve::{Range, Segment};
-use super::kernel::{Settings, closest_step};
+use super::kernel::{Penalty, closest_step};
 use super::lane::V3;
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
@@ -74,7 +74,7 @@ fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64)
 
 impl Builder {
     /// Makes the records of `self.candidates`.
-    pub fn build(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines) {
+    pub fn build(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines) {
         self.lines.clear();
         self.points.clear();
         let candidates = std::mem::take(&mut self.candidates);
@@ -82,13 +82,13 @@ impl Builder {
             let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
             let same = ca == cb;
             if same || Lines::looks_first(ca, cb) {
-                self.add_lines(settings, lines, now, *c, same);
+                self.add_lines(penalty, lines, now, *c, same);
             }
             if same || Lines::looks_first(cb, ca) {
                 let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
-                self.add_lines(settings, lines, now, turned, same);
+                self.add_lines(penalty, lines, now, turned, same);
             }
-            self.add_point(settings, lines, now, *c);
+            self.add_point(penalty, lines, now, *c);
         }
         self.candidates = candidates;
         self.lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
@@ -128,7 +128,7 @@ impl Builder {
     }
 
     /// Line records of the nodes of segment `c.a` against segment `c.b`.
-    fn add_lines(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines, c: Candidate, half: bool) {
+    fn add_lines(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate, half: bool) {
         for node in [c.a, c.a + 1] {
             let slot = &lines.slots[node as usize];
             if !slot.looks {
@@ -142,19 +142,19 @@ impl Builder {
             let normal = (y - xyz(&now.x[c.b as usize]) - to_vec(point.x)).normalize_or_zero();
             let sine = sine(xyz(&now.tangent[node as usize]), to_vec(point.d), normal);
             let reach = slot.radius + lines.slots[c.b as usize].radius;
-            let crossing = sine > look_from(settings, reach, slot.spacing);
+            let crossing = sine > look_from(penalty, reach, slot.spacing);
             let record = LineRecord { node, segment: c.b, image: c.image, half, crossing };
             self.lines.push((record, LineState { t, slip: DVec3::ZERO, offset: 0.0 }));
         }
     }
 
-    fn add_point(&mut self, settings: &Settings, lines: &Lines, now: &Centrelines, c: Candidate) {
+    fn add_point(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate) {
         let (a, b) = (c.a as usize, c.b as usize);
         let reach = lines.slots[a].radius + lines.slots[b].radius;
         let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
         let sampling = lines.slots[if Lines::looks_first(ca, cb) { a } else { b }].length;
         let ends = |j: usize| [xyz(&now.tangent[j]), xyz(&now.tangent[j + 1])];
-        let least = look_from(settings, reach, sampling);
+        let least = look_from(penalty, reach, sampling);
         let widest = ends(a).iter().flat_map(|u| ends(b).map(|v| sine(*u, v, u.cross(v).normalize_or_zero()))).fold(0.0, f64::max);
         if widest <= least {
             return;
@@ -301,8 +301,8 @@ fn crossing_distance(lines: &Lines, old: (&PointRecord, &PointState), new: (&Poi
     best
 }
 
-fn look_from(settings: &Settings, reach: f64, sampling: f64) -> f64 {
-    LOOK_FROM * settings.window[0] * reach / sampling.max(settings.point_length())
+fn look_from(penalty: &Penalty, reach: f64, sampling: f64) -> f64 {
+    LOOK_FROM * penalty.window[0] * reach / sampling.max(penalty.point_length())
 }
 
 fn sine(a: DVec3, b: DVec3, normal: DVec3) -> f64 {

@@ -31,7 +31,7 @@ pub(crate) use spec::{bounded, positive};
 
 use assemble::Gather;
 use braid_ecs::prelude::*;
-use kernel::Settings;
+use kernel::Penalty;
 use law::Law;
 use lines::{Centrelines, Lines, joint_masses};
 use records::*;
@@ -90,7 +90,7 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     let (line_stiffness, point_stiffness) = stiffness::given(spec, length).unwrap_or((1.0, length));
     let law = Law { friction: spec.friction.0, tangential: spec.friction_stiffness.0, damping: spec.damping.0, toe: spec.toe.0, dt: 0.0 };
     let window = [spec.window.0.0, spec.window.1.0];
-    cx.world.insert_resource(Settings { law, line_stiffness, point_stiffness, window, keep: 1.0 });
+    cx.world.insert_resource(Penalty { law, line_stiffness, point_stiffness, window, keep: 1.0 });
     cx.world.insert_resource(stiffness::Wanted::new(cx.model, spec));
     cx.world.insert_resource(Search::new(spec.skin.0 * radius));
     cx.world.insert_resource(SelfContact(spec.self_contact));

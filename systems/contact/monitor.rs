@@ -1,6 +1,6 @@
 //! What contacts look like from outside: every touching record, and their summary.
 use super::assemble::{of_line, of_point};
-use super::kernel::{Contact, Settings};
+use super::kernel::{Contact, Penalty};
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
 use super::search::Search;
@@ -49,15 +49,15 @@ pub struct ContactReport {
     pub energy: f64,
 }
 
-/// Settings with which looking changes nothing.
-fn still(settings: &Settings) -> Settings {
-    let mut s = *settings;
+/// Penalty with which looking changes nothing.
+fn still(penalty: &Penalty) -> Penalty {
+    let mut s = *penalty;
     s.law.dt = 0.0;
     s.keep = 1.0;
     s
 }
 
-fn report(settings: &Settings, c: &Contact<f64>, place: DVec3, names: (usize, usize), radius: f64, kind: ContactKind) -> ContactReport {
+fn report(penalty: &Penalty, c: &Contact<f64>, place: DVec3, names: (usize, usize), radius: f64, kind: ContactKind) -> ContactReport {
     let r = &c.response;
     let normal = c.normal.lane(0);
     let friction_force = r.force.lane(0) - normal * r.normal_force;
@@ -72,7 +72,7 @@ fn report(settings: &Settings, c: &Contact<f64>, place: DVec3, names: (usize, us
         normal_force: r.normal_force,
         friction_force,
         angle: c.sine.clamp(0.0, 1.0).asin(),
-        slides: r.normal_force > 0.0 && friction_force.length() >= settings.law.friction * r.normal_force * (1.0 - 1e-9),
+        slides: r.normal_force > 0.0 && friction_force.length() >= penalty.law.friction * r.normal_force * (1.0 - 1e-9),
         energy: r.energy,
     }
 }
@@ -87,20 +87,20 @@ pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
     let live = *world.resource::<LiveRecords>();
     let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
-    let settings = still(world.resource::<Settings>());
+    let penalty = still(world.resource::<Penalty>());
     let near = |c: &Contact<f64>| c.penetration + c.offset > -0.5 * c.reach && c.stiffness > 0.0;
     for (record, state) in line_query.iter(world).take(live.lines) {
-        let c = of_line(&settings, lines, now, record, state);
+        let c = of_line(&penalty, lines, now, record, state);
         if near(&c) {
             let normal = c.normal.lane(0);
             let (rn, rs) = (now.x[record.node as usize][3], now.x[record.segment as usize][3]);
             let place = xyz(&now.x[record.node as usize]) - normal * (0.5 * (c.reach - c.penetration - c.offset));
             let names = (lines.place_of(record.node).0, lines.place_of(record.segment).0);
-            out.push(report(&settings, &c, place, names, rn.min(rs), ContactKind::Line));
+            out.push(report(&penalty, &c, place, names, rn.min(rs), ContactKind::Line));
         }
     }
     for (record, state) in point_query.iter(world).take(live.points) {
-        let c = of_point(&settings, lines, now, record, state);
+        let c = of_point(&penalty, lines, now, record, state);
         if near(&c) {
             let [i, j] = record.segments;
             let curve = super::list::curve_of(lines, now, i);
@@ -108,7 +108,7 @@ pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
             let normal = c.normal.lane(0);
             let place = xyz(&now.x[i as usize]) + p.lane(0) - normal * (0.5 * (c.reach - c.penetration - c.offset));
             let names = (lines.place_of(i).0, lines.place_of(j).0);
-            out.push(report(&settings, &c, place, names, now.x[i as usize][3].min(now.x[j as usize][3]), ContactKind::Point));
+            out.push(report(&penalty, &c, place, names, now.x[i as usize][3].min(now.x[j as usize][3]), ContactKind::Point));
         }
     }
     out

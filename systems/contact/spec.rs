@@ -82,6 +82,15 @@ pub(crate) fn positive(path: &str, what: &str, value: Option<f64>) -> Result<(),
     }
 }
 
+impl Settings for ContactSpec {
+    const KEY: &'static str = "contact";
+    const ABOUT: &'static str = "contact and friction between filaments";
+
+    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+        ContactSpec::check(self)
+    }
+}
+
 impl ContactSpec {
     /// Checks the numbers.
     ///
@@ -103,13 +112,5 @@ impl ContactSpec {
             positive("initial_overlap", "the time in which the overlap goes away", Some(t.0))?;
         }
         Ok(())
-    }
-}
-
-impl SceneSettings for ContactSpec {
-    const KEY: &'static str = "contact";
-    const ABOUT: &'static str = "contact with Coulomb friction between filaments";
-    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
-        ContactSpec::check(self)
     }
 }

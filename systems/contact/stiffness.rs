@@ -1,7 +1,7 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
 use super::assemble::{of_line, of_point};
-use super::kernel::Settings;
+use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use super::spec::ContactSpec;
@@ -90,9 +90,9 @@ pub fn resolve(world: &mut World) {
         let point = SHARE * lightest * per_mass;
         (point / length, point)
     });
-    let mut settings = world.resource_mut::<Settings>();
-    settings.line_stiffness = line;
-    settings.point_stiffness = point;
+    let mut penalty = world.resource_mut::<Penalty>();
+    penalty.line_stiffness = line;
+    penalty.point_stiffness = point;
 }
 
 /// Adds the bounds of all records that touch or nearly do: for K = k n n^t w w^t the row sums give
@@ -103,10 +103,10 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
     let masses: Vec<f64> = world.query::<&Mass>().iter(world).map(|m| m.0).collect();
     let live = *world.resource::<LiveRecords>();
-    let (lines, now, settings) = (world.resource::<Lines>(), world.resource::<Centrelines>(), *world.resource::<Settings>());
-    let mut still = settings;
+    let (lines, now, penalty) = (world.resource::<Lines>(), world.resource::<Centrelines>(), *world.resource::<Penalty>());
+    let mut still = penalty;
     still.law.dt = 0.0;
-    let xi = settings.law.damping;
+    let xi = penalty.law.damping;
     let narrow = ((1.0 + xi * xi).sqrt() - xi).powi(-2);
     let mut spread = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
     for (record, state) in line_query.iter(world).take(live.lines) {

@@ -1,6 +1,6 @@
 //! The systems of contact between filaments.
 use super::assemble::*;
-use super::kernel::Settings;
+use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines};
 use super::list::{Builder, excluded};
 use super::records::*;
@@ -98,11 +98,11 @@ pub fn make_list(world: &mut World) {
     let mut line = world.query::<(&mut LineRecord, &mut LineState)>();
     let mut point = world.query::<(&mut PointRecord, &mut PointState)>();
     {
-        let (lines, now, settings) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<Settings>());
+        let (lines, now, penalty) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<Penalty>());
         let touching = world.resource::<SelfContact>().0;
         let never = |c| excluded(lines, c) || !touching && lines.chain_of(c.a) == lines.chain_of(c.b) && c.image == lines.images.zero();
         search.candidates(lines, now, never, &mut builder.0.candidates);
-        builder.0.build(settings, lines, now);
+        builder.0.build(penalty, lines, now);
         let (mut old_lines, mut old_points) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         for (r, s) in line.iter(world).take(live.lines) {
             old_lines.0.push(*r);
@@ -152,7 +152,7 @@ fn reserve(world: &mut World, builder: &Builder) {
 pub fn forces(
     clock: Res<Clock>,
     relaxation: Res<Relaxation>,
-    mut settings: ResMut<Settings>,
+    mut penalty: ResMut<Penalty>,
     (lines, now, live): (Res<Lines>, Res<Centrelines>, Res<LiveRecords>),
     mut requests: ResMut<Requests>,
     mut gather: ResMut<Gather>,
@@ -161,16 +161,16 @@ pub fn forces(
     mut point: Query<(&PointRecord, &mut PointState, &mut PointForce)>,
     mut nodes: Query<&mut Force>,
 ) {
-    settings.law.dt = clock.dt;
-    settings.keep = relaxation.keep(clock.time, clock.dt);
+    penalty.law.dt = clock.dt;
+    penalty.keep = relaxation.keep(clock.time, clock.dt);
     let (lr, mut ls, mut lf) = columns(&mut line);
     let (pr, mut ps, mut pf) = columns(&mut point);
     let n = live.lines;
     let (lr, ls, lf) = (&lr[..n], &mut ls.bypass_change_detection()[..n], &mut lf.bypass_change_detection()[..n]);
     let n = live.points;
     let (pr, ps, pf) = (&pr[..n], &mut ps.bypass_change_detection()[..n], &mut pf.bypass_change_detection()[..n]);
-    let mut total = evaluate_lines(&settings, &lines, &now, lr, ls, lf);
-    total.add(evaluate_points(&settings, &lines, &now, pr, ps, pf));
+    let mut total = evaluate_lines(&penalty, &lines, &now, lr, ls, lf);
+    total.add(evaluate_points(&penalty, &lines, &now, pr, ps, pf));
     requests.strayed |= total.strayed;
     requests.turned |= total.turned;
     ledger.friction += total.friction;

@@ -1,5 +1,5 @@
 //! What a scene says about rigid surfaces.
-use crate::systems::contact::{InitialOverlap, bounded, positive};
+use crate::systems::contact::{ContactSpec, InitialOverlap, bounded, positive};
 use braid_ecs::prelude::*;
 use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessPerLength};
 
@@ -8,37 +8,35 @@ use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessP
 #[serde(transparent)]
 pub struct Surfaces(pub Vec<SurfaceSpec>);
 
-/// The one rigid surface that a braid is pulled onto.
+/// The mandrel of a braid: one more rigid surface, with a key of its own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Mandrel(pub SurfaceSpec);
 
-impl SceneSettings for Surfaces {
+impl Settings for Surfaces {
     const KEY: &'static str = "surfaces";
-    const ABOUT: &'static str = "rigid surfaces at rest, with friction";
-    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
-        for (k, s) in self.0.iter().enumerate() {
+    const ABOUT: &'static str = "rigid surfaces that filaments lie on, with friction";
+
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        for k in 0..self.0.len() {
+            self.0[k].like_filaments(build.model);
+            let s = &self.0[k];
             s.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
+            if self.0[..k].iter().any(|other| other.name == s.name) {
+                return Err(SpecError::new(format!("[{k}].name"), format!("two surfaces are called `{}`", s.name)));
+            }
         }
         Ok(())
     }
 }
 
-impl SceneSettings for Mandrel {
+impl Settings for Mandrel {
     const KEY: &'static str = "mandrel";
-    const ABOUT: &'static str = "the rigid surface that filaments are pulled onto";
-    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
-        self.0.check()
-    }
-}
+    const ABOUT: &'static str = "the rigid bar inside a braid";
 
-impl Surfaces {
-    /// All rigid surfaces of a model, the mandrel first, each with its friction.
-    pub fn of(model: &Model) -> Vec<SurfaceSpec> {
-        let contact = model.get::<crate::systems::contact::ContactSpec>().map_or(Ratio(0.2), |c| c.friction);
-        let mandrel = model.get::<Mandrel>().map(|m| m.0.clone());
-        let others = model.get::<Surfaces>().cloned().unwrap_or_default().0;
-        mandrel.into_iter().chain(others).map(|s| SurfaceSpec { friction: Some(s.friction.unwrap_or(contact)), ..s }).collect()
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        self.0.like_filaments(build.model);
+        self.0.check()
     }
 }
 
@@ -58,12 +56,12 @@ pub struct SurfaceSpec {
     #[serde(default)]
     pub position: Point,
     /// Direction of the axis, or normal of the plane. Default z.
-    #[serde(default = "along_z")]
+    #[serde(default = "along_z", with = "braid_ecs::scene::units::list")]
     pub axis: [f64; 3],
     /// Turn of the cross-section about the axis. Default 0.
     #[serde(default)]
     pub turn: Angle,
-    /// Coulomb friction coefficient. Default that of `contact`, or 0.2.
+    /// Coulomb friction coefficient. Default: that of `contact`, or 0.2.
     #[serde(default)]
     pub friction: Option<Ratio>,
     /// Normal stiffness over an edge (force / length). Default from mass and time step.
@@ -128,6 +126,7 @@ pub enum ShapeSpec {
     /// A bar with a convex polygon as cross-section.
     Polygon {
         /// Corners in the plane across the axis (length), either way round.
+        #[serde(with = "braid_ecs::scene::units::lists")]
         corners: Vec<[Length; 2]>,
         /// Radius of the edges (length), 0 for sharp ones. Default 0.
         #[serde(default)]
@@ -151,6 +150,11 @@ impl SurfaceSpec {
             damping: damping(),
             initial_overlap: InitialOverlap::Error,
         }
+    }
+
+    /// Takes the friction of the contact between filaments where none is given.
+    fn like_filaments(&mut self, model: &Model) {
+        self.friction.get_or_insert(model.get::<ContactSpec>().map_or(Ratio(0.2), |c| c.friction));
     }
 
     /// Checks the numbers and the shape.

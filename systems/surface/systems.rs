@@ -12,10 +12,10 @@ use crate::systems::contact::systems::Relaxation;
 use crate::systems::contact::{ContactKind, ContactReport, InitialOverlap, TOLERATED_OVERLAP, install_lines, monitor};
 use braid_ecs::prelude::*;
 
-/// Registers contact with the [`Surfaces`] of the model.
+/// Registers contact with the [`Surfaces`] and the [`Mandrel`] of the model.
 pub fn plugin(sim: &mut Simulation) {
-    sim.add_settings::<Mandrel>();
     sim.add_settings::<Surfaces>();
+    sim.add_settings::<Mandrel>();
     sim.add_installer("surfaces", install);
 }
 
@@ -51,7 +51,8 @@ const SKIN: f64 = 2.0;
 const SHARE: f64 = 0.4;
 
 fn install(cx: &mut Install<'_>) {
-    let specs = Surfaces::of(cx.model);
+    let mut specs: Vec<SurfaceSpec> = cx.model.get::<Mandrel>().map(|m| m.0.clone()).into_iter().collect();
+    specs.extend(cx.model.get::<Surfaces>().iter().flat_map(|s| s.0.iter().cloned()));
     if specs.is_empty() {
         return;
     }
@@ -63,10 +64,15 @@ fn install(cx: &mut Install<'_>) {
 fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(), String> {
     let mut surfaces = Vec::new();
     for (k, s) in specs.iter().enumerate() {
-        let at = |e: SpecError| format!("surfaces[{k}].{}: {e}", e.path);
+        let at = |e: SpecError| format!("surface {k} (`{}`), {}: {e}", s.name, e.path);
         s.check().map_err(at)?;
-        let law =
-            Law { friction: s.friction.map_or(0.0, |f| f.0), tangential: s.friction_stiffness.0, damping: s.damping.0, toe: 1e-3, dt: 0.0 };
+        let law = Law {
+            friction: s.friction.map_or(0.2, f64::from),
+            tangential: s.friction_stiffness.0,
+            damping: s.damping.0,
+            toe: 1e-3,
+            dt: 0.0,
+        };
         let shape = Shape::new(s).map_err(at)?;
         surfaces.push(Surface { name: s.name.clone(), shape, law, line_stiffness: 1.0, point_stiffness: 1.0, keep: 1.0 });
     }

@@ -9,7 +9,7 @@ use braid_ecs::systems::contact::records::*;
 use braid_ecs::systems::contact::search::*;
 
 pub struct Rig {
-    pub settings: Settings,
+    pub settings: Penalty,
     pub lines: Lines,
     pub now: Centrelines,
     pub search: Search,
@@ -25,8 +25,8 @@ pub struct Rig {
     pub rehomed: usize,
 }
 
-pub fn settings(line_stiffness: f64, point_stiffness: f64) -> Settings {
-    Settings {
+pub fn settings(line_stiffness: f64, point_stiffness: f64) -> Penalty {
+    Penalty {
         law: Law { friction: 0.0, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 0.0 },
         line_stiffness,
         point_stiffness,
@@ -54,7 +54,7 @@ pub fn straight(from: DVec3, step: DVec3, count: usize) -> Vec<DVec3> {
 }
 
 impl Rig {
-    pub fn new(model: &Model, settings: Settings, skin: f64) -> Rig {
+    pub fn new(model: &Model, settings: Penalty, skin: f64) -> Rig {
         let x: Vec<Position> = model.nodes.iter().map(|n| Position(n.position)).collect();
         let v: Vec<Velocity> = model.nodes.iter().map(|n| Velocity(n.velocity)).collect();
         let places: Vec<DVec3> = x.iter().map(|p| p.0).collect();

@@ -39,7 +39,7 @@ impl Progress {
             Show::Nothing
         } else if std::io::stderr().is_terminal() {
             let bar = ProgressBar::with_draw_target(Some(LENGTH), ProgressDrawTarget::stderr());
-            bar.set_style(ProgressStyle::with_template("{bar:28.cyan/238} {percent:>3} %  {wide_msg}").expect("a fixed template"));
+            bar.set_style(ProgressStyle::with_template("{bar:20.cyan/238} {percent:>3} %  {wide_msg}").expect("a fixed template"));
             Show::Bar(bar)
         } else {
             Show::Lines(Instant::now())
@@ -76,7 +76,9 @@ impl Progress {
     }
 
     fn text(&self, sim: &Simulation, clock: &Clock) -> String {
-        let mut text = format!("t {:.4e} {u}  step {}  dt {:.2e} {u}", clock.time, clock.step, clock.dt_next, u = self.unit);
+        // The remaining time comes first: narrow terminals cut the end off.
+        let mut text = self.remaining(clock.time);
+        text += &format!("t {:.3e} {u}  dt {:.1e} {u}  step {}", clock.time, clock.dt_next, clock.step, u = self.unit);
         if let Some(e) = sim.world.get_resource::<EnergyLedger>()
             && e.strain > 0.0
         {
@@ -87,20 +89,20 @@ impl Progress {
         {
             text += &format!("  contacts {}", c.active);
         }
-        text + &self.remaining(clock.time)
+        text
     }
 
     fn remaining(&self, time: f64) -> String {
         let Some(duration) = self.duration else { return String::new() };
         if time >= duration {
-            return "  waiting for the steady state".into();
+            return "waiting for the steady state  ".into();
         }
         let (Some(first), Some(last)) = (self.past.front(), self.past.back()) else { return String::new() };
         let (wall, done) = ((last.0 - first.0).as_secs_f64(), last.1 - first.1);
         if wall < 0.2 || done <= 0.0 {
             return String::new();
         }
-        format!("  about {} left", duration_text((duration - time) / done * wall))
+        format!("about {} left  ", duration_text((duration - time) / done * wall))
     }
 
     /// Takes the bar off the terminal.
@@ -161,7 +163,7 @@ mod tests {
         let start = Instant::now();
         // Two units of time in ten seconds: 8 more take 40 s.
         p.past = [(start, 0.0), (start + Duration::from_secs(10), 2.0)].into();
-        assert_eq!(p.remaining(2.0), "  about 40 s left");
-        assert_eq!(p.remaining(10.5), "  waiting for the steady state");
+        assert_eq!(p.remaining(2.0), "about 40 s left  ");
+        assert_eq!(p.remaining(10.5), "waiting for the steady state  ");
     }
 }

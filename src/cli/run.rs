@@ -55,6 +55,8 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
         message::line(&format!("earlier results moved to {}", aside.display()));
     }
     if !args.quiet {
+        let (name, nodes) = (loaded.name(), model.nodes.len());
+        message::line(&format!("{name}: {nodes} nodes, {} elements; results go to {}", elements(&sim, model), folder.display()));
         notes(&sim);
     }
     let dt = sim.world.resource::<Clock>().dt_target;

@@ -186,7 +186,11 @@ fn energy_and_forces_agree_across_periodic_faces() {
             let slope = (energy(1.0, &mut rig) - energy(-1.0, &mut rig)) / (2.0 * h);
             let work: f64 = force.iter().zip(&direction).map(|(f, d)| f.dot(*d)).sum();
             let size: f64 = force.iter().zip(&direction).map(|(f, d)| (f.length() * d.length()).abs()).sum();
-            assert!((slope + work).abs() < 2e-5 * size, "tilt {tilt}, window {window:?}, points {}, trial {trial}: dE {slope:e}, f.dx {work:e}, size {size:e}", rig.point.0.len());
+            assert!(
+                (slope + work).abs() < 2e-5 * size,
+                "tilt {tilt}, window {window:?}, points {}, trial {trial}: dE {slope:e}, f.dx {work:e}, size {size:e}",
+                rig.point.0.len()
+            );
         }
     }
 }

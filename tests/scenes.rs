@@ -196,7 +196,12 @@ fn the_readme_knows_every_key_and_its_scene_is_sound() {
             let key = path.rsplit('.').next().expect("a key").to_string();
             let named = ["materials", "sections", "elements", "amplitudes", "probes", "expect", "node_names", "periodic.dummies"];
             let is_name = named.iter().any(|n| path.strip_prefix(n).is_some_and(|rest| rest.matches('.').count() == 1));
-            if !is_name && !path.contains('"') && !readme.contains(&format!("`{key}`")) && !readme.contains(&format!("{key}:")) {
+            if !is_name
+                && !path.contains('"')
+                && !readme.contains(&format!("`{key}`"))
+                && !readme.contains(&format!("{key}:"))
+                && !readme.contains(&format!(".{key}`"))
+            {
                 missing.push(path);
             }
         }

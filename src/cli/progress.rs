@@ -139,8 +139,10 @@ pub(super) struct Watcher<'a, 'b> {
 
 impl Observer for Watcher<'_, '_> {
     fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError> {
+        // Writing first: the pictures of the start must not count as slow steps.
+        self.recorder.sample(sim)?;
         self.progress.update(sim);
-        self.recorder.sample(sim)
+        Ok(())
     }
     fn stop_requested(&self) -> bool {
         self.recorder.stop_requested()

@@ -208,3 +208,35 @@ fn the_readme_knows_every_key_and_its_scene_is_sound() {
     }
     assert!(missing.is_empty(), "not in scenes/README.md: {missing:?}");
 }
+
+#[test]
+fn what_is_probably_not_meant_is_hinted_at() {
+    let text = r#"(
+        units: MmNTonne,
+        materials: { "steel": (E: 2e5, nu: 0.3, rho: 7.85e-9), "brass": (E: 1e5, nu: 0.3, rho: 8.5e-9) },
+        bundles: [(name: "b", radius: 0.1, length: 5, elements: 2, material: "steel")],
+        amplitudes: { "later": Ramp(rise: 1) },
+        stop: (steady: (interval: 1)),
+    )"#;
+    let hints = load(text, &[]).unwrap_or_else(|e| panic!("{e}")).hints.join("\n");
+    for part in
+        ["material `brass` is not used", "amplitude `later` is not used", "the 7 filaments do not feel each other", "without damping"]
+    {
+        assert!(hints.contains(part), "{hints}");
+    }
+    for name in ["cantilever", "two_filaments", "strand_1x7", "lattice_pbc", "embedded7"] {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
+        let loaded = scene::load(&file, &[], &Simulation::new(default_plugins).registry).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.hints, Vec::<String>::new(), "{name}");
+    }
+}
+
+#[test]
+fn a_name_that_is_given_twice_is_refused() {
+    let text = PENDULUM.replace("\"steel\": (E", "\"steel\": (E: 1, nu: 0, rho: 1), \"steel\": (E");
+    let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
+    assert!(e.starts_with("test.ron:3:51: materials.steel: an entry of this name is there already"), "{e}");
+    let text = PENDULUM.replace("stop: (time: 0.1)", "stop: (time: 0.1), stop: (steps: 1)");
+    let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
+    assert!(e.contains("field `stop` of scene is given twice"), "{e}");
+}

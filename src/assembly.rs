@@ -67,8 +67,11 @@ pub struct KindReport {
     /// Tells the marked elements that their axial spring was taken.
     pub release: fn(&mut World, &[bool]),
     /// Calls back with the rows and section forces of every element, in order.
-    pub sections: fn(&mut World, &mut dyn FnMut(&[u32], SectionForce)),
+    pub sections: SectionReport,
 }
+
+/// Hands the rows and section forces of elements to a callback.
+pub type SectionReport = fn(&mut World, &mut dyn FnMut(&[u32], SectionForce));
 
 /// Reports of all kinds present in the model, in registration order.
 #[derive(Resource, Default)]

@@ -49,7 +49,7 @@ pub fn start(sim: &mut Simulation, model: &Model) -> Result<(), SimulationError>
     let (limit, by) = stable_limit(&mut sim.world);
     let dt = match model.integration.dt {
         Some(dt) if dt > limit => {
-            return Err(SimulationError::Model(format!("the time step {dt:e} is above the stable limit {limit:e}, set by {by}")));
+            return Err(SimulationError::Model(format!("the time step {dt:.6e} is above the stable limit {limit:.6e}, set by {by}")));
         }
         Some(dt) => dt,
         None if limit.is_finite() => model.integration.safety * limit,

@@ -61,7 +61,7 @@ pub struct BeamSpec {
     /// Name of the section.
     pub section: String,
     /// Direction of the second section axis, for sections with two bending stiffnesses.
-    #[serde(default, with = "braid_ecs::scene::units::triple_option")]
+    #[serde(default, with = "braid_ecs::scene::units::list_option")]
     pub orientation: Option<[f64; 3]>,
     /// Stress-free shape: `AsBuilt` (default) or `Straight(twist: 0)`.
     #[serde(default)]

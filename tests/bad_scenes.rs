@@ -1,7 +1,7 @@
 //! Every file of `scenes/bad` is refused before the first step, with the message that stands in it.
 use braid_ecs::prelude::*;
 use braid_ecs::run;
-use braid_ecs::scene::{self, error::Category};
+use braid_ecs::scene;
 use braid_ecs::systems::default_plugins;
 use std::path::{Path, PathBuf};
 
@@ -13,19 +13,19 @@ fn folder() -> PathBuf {
 fn refuse(path: &Path) -> (String, u8) {
     let mut sim = Simulation::new(default_plugins);
     let name = path.display().to_string();
-    let loaded = match scene::load(path, &[], &sim.registry) {
-        Ok(loaded) => loaded,
-        Err(errors) => {
-            // The report for a terminal must not fail either.
-            let mut report = String::new();
-            for e in &errors.errors {
-                miette::NarratableReportHandler::new().render_report(&mut report, e).expect("a report");
-            }
-            return (errors.to_string().replace(&name, &path.file_name().unwrap().to_string_lossy()), errors.category.exit_code());
+    let errors = match scene::load(path, &[], &sim.registry) {
+        Err(errors) => errors,
+        Ok(loaded) => {
+            let outcome = sim.build(&loaded.model).and_then(|()| run::start(&mut sim, &loaded.model));
+            loaded.explain(&outcome.expect_err("a bad scene is refused before the first step"))
         }
     };
-    let outcome = sim.build(&loaded.model).and_then(|()| run::start(&mut sim, &loaded.model));
-    (outcome.expect_err("a bad scene is refused before the first step").to_string(), Category::Scene.exit_code())
+    // The report for a terminal must not fail either.
+    let mut report = String::new();
+    for e in &errors.errors {
+        miette::NarratableReportHandler::new().render_report(&mut report, e).expect("a report");
+    }
+    (errors.to_string().replace(&name, &path.file_name().unwrap().to_string_lossy()), errors.category.exit_code())
 }
 
 /// The message in the comment at the top of a file.

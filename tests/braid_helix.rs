@@ -39,7 +39,13 @@ fn cell_length(model: FilamentModel, bending: Option<Bending>, force: f64) -> (f
     let length = node_states(&mut sim.world)[row].x.z;
     let ledger = *sim.world.resource::<EnergyLedger>();
     let clock = sim.world.resource::<Clock>().clone();
-    eprintln!("{force}: {length} expected {expected}; {} steps of {:e} ({}), {:?}; {ledger:?}", clock.step, clock.dt, clock.limited_by, start.elapsed());
+    eprintln!(
+        "{force}: {length} expected {expected}; {} steps of {:e} ({}), {:?}; {ledger:?}",
+        clock.step,
+        clock.dt,
+        clock.limited_by,
+        start.elapsed()
+    );
     assert!(ledger.balance_error().abs() < 0.01, "{ledger:?}");
     (length, expected)
 }

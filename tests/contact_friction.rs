@@ -44,7 +44,7 @@ fn capstan(elements: usize) -> f64 {
     }
     let nodes = string(&mut m, &points, r);
     let mut surface = SurfaceSpec::new(ShapeSpec::Cylinder { radius: Length(big) });
-    surface.friction = Ratio(0.3);
+    surface.friction = Some(Ratio(0.3));
     m.insert(Surfaces(vec![surface]));
     let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 2.0 });
     let pull = m.add_amplitude(Amplitude::Table(vec![(2.5, 0.0), (3.5, 0.0005), (4.5, 0.002), (12.0, 0.017)]));
@@ -66,7 +66,15 @@ fn capstan(elements: usize) -> f64 {
     let spread = late.iter().fold(0.0f64, |m, v| m.max((v - mean).abs()));
     let clock = sim.world.resource::<Clock>();
     let ledger = sim.world.resource::<EnergyLedger>();
-    println!("{elements}: {mean:.5} +- {spread:.5}, error {:.2e}, steps {}, dt {:e} by {}, balance {:.2e} {ledger:?} {:?}", mean / (0.3 * PI).exp() - 1.0, clock.step, clock.dt, clock.limited_by, ledger.balance_error(), sim.world.resource::<ContactSummary>());
+    println!(
+        "{elements}: {mean:.5} +- {spread:.5}, error {:.2e}, steps {}, dt {:e} by {}, balance {:.2e} {ledger:?} {:?}",
+        mean / (0.3 * PI).exp() - 1.0,
+        clock.step,
+        clock.dt,
+        clock.limited_by,
+        ledger.balance_error(),
+        sim.world.resource::<ContactSummary>()
+    );
     mean
 }
 

@@ -442,3 +442,16 @@ fn polylines_are_divided_and_may_be_closed() {
     assert!(f.closed);
     assert!((made.mass / (12.0 * std::f64::consts::PI * 0.01 * 2.58e-9) - 1.0).abs() < 1e-12);
 }
+
+#[test]
+fn a_scene_writes_vectors_in_square_brackets() {
+    let read = |text: &str| braid_ecs::scene::ron_options().from_str::<BundleSpec>(text);
+    let spec =
+        read(r#"(radius: "5 um", length: 2, elements: 4, material: "glass", origin: [0, "1 mm", 2.5], axis: [0, 1, 0])"#).expect("valid");
+    assert_eq!((spec.radius, spec.origin, spec.axis), (Length(0.005), [0.0, 1.0, 2.5].map(Length), [0.0, 1.0, 0.0]));
+    let text = ron::to_string(&spec).expect("writes");
+    assert_eq!(read(&text).expect("reads back"), spec);
+    let line: PolylineSpec =
+        braid_ecs::scene::ron_options().from_str(r#"(points: [[0, 0, 0], [1, 2, 3]], radius: 0.1, material: "glass")"#).expect("valid");
+    assert_eq!(line, PolylineSpec::new(&[[0.0; 3], [1.0, 2.0, 3.0]], 1, 0.1, "glass"));
+}

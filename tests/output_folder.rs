@@ -87,7 +87,8 @@ fn a_run_fills_its_folder() {
 #[test]
 fn outputs_that_are_not_wanted_are_not_written() {
     let dir = tempfile::tempdir().unwrap();
-    let quiet = STRIP.replace("frames: Count(4), history: Every(\"2.5 ms\")", "frames: Never, history: Never, pictures: false, plots: false");
+    let quiet =
+        STRIP.replace("frames: Count(4), history: Every(\"2.5 ms\")", "frames: Never, history: Never, pictures: false, plots: false");
     let (_, _, outcome) = record(&quiet, dir.path());
     let mut names: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();

@@ -61,8 +61,8 @@ fn bar_in_tension() {
     expect(r#"Reaction(node: "arm.0.end")"#, 0.0, 0.0);
     expect(r#"TotalReaction(nodes: ["arm.*.start"], component: X)"#, -0.5, 1e-7);
     expect(r#"SectionForce(kind: "truss", element: 2, term: N)"#, 0.5, 1e-7);
-    expect(r#"Distance(nodes: (1, 3))"#, 2.0 + 0.5 * stretch, 1e-9);
-    expect(r#"Angle(from: (0, 2), to: (3, 1))"#, std::f64::consts::PI, 1e-7);
+    expect(r#"Distance(nodes: [1, 3])"#, 2.0 + 0.5 * stretch, 1e-9);
+    expect(r#"Angle(from: [0, 2], to: [3, 1])"#, std::f64::consts::PI, 1e-7);
     expect(r#"Velocity(node: 4)"#, 0.0, 1e-8);
     expect(r#"Energy(Strain)"#, 0.5 * 0.5 * stretch, 1e-8);
     expect(r#"Energy(ExternalWork)"#, 0.5 * stretch, 0.5 * stretch);
@@ -118,6 +118,7 @@ fn what_does_not_exist_is_refused_with_the_choices() {
     assert_eq!(refused(r#"SectionForce(kind: "truss", element: 4, term: N)"#, &trusses).path, "element");
     assert_eq!(refused(r#"SectionForce(kind: "tress", element: 0, term: N)"#, &trusses).path, "kind");
     assert_eq!(refused("DummyLength(node: 0)", &trusses).path, "node");
+    assert_eq!(refused("Distance(nodes: [0, 1, 2])", &trusses).message, "two nodes are needed, 3 given");
     assert_eq!(refused(r#"TotalReaction(nodes: [0, "leg.*"])"#, &trusses).path, "nodes[1]");
     assert!(braid_ecs::scene::ron_options().from_str::<ProbeSpec>(r#"Position(knoten: 1)"#).is_err());
 }
@@ -134,7 +135,7 @@ fn what_is_measured_has_a_unit() {
         ("Energy(Friction)", Quantity::Energy),
         ("Max(Velocity(node: 1))", Quantity::Velocity),
         ("MaxPenetration", Quantity::Number),
-        ("Distance(nodes: (0, 1))", Quantity::Length),
+        ("Distance(nodes: [0, 1])", Quantity::Length),
     ] {
         let spec: ProbeSpec = braid_ecs::scene::ron_options().from_str(text).expect(text);
         assert_eq!(spec.resolve(&m, &registry).expect(text).quantity(), quantity, "{text}");

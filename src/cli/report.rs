@@ -56,6 +56,10 @@ fn table(o: &Outcome) -> String {
     for (name, v, unit) in o.probes.table() {
         row(name, format!("{} {unit}", value(v)));
     }
+    for c in &o.expected {
+        let verdict = if c.holds() { "as expected" } else { "NOT as expected" };
+        row(&c.name, format!("{verdict}: {} against {} +- {}", value(c.found), value(Some(c.expected)), value(Some(c.allowed))));
+    }
     row("files", o.folder.display().to_string());
     t.trim_end().to_owned()
 }
@@ -67,6 +71,7 @@ fn percent(v: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::expected::Comparison;
     use crate::output::measured::Probes;
     use crate::output::summary::{Measure, Summary};
     use crate::scene::units::UnitSystem;
@@ -83,13 +88,15 @@ mod tests {
             Summary { status: "converged".into(), time: Some(0.02), steps: 70_000, threads: 2, wall_s: 48.0, ..Default::default() };
         summary.measures.insert("angle".into(), Measure { mean: Some(36.03), ci95: Some(0.62), n: 12, unit: "deg".into() });
         summary.energy.balance_error = Some(-0.0012);
-        let outcome = Outcome { summary, probes: Probes::default(), units: UnitSystem::MmNTonne, folder: "results/a".into() };
+        let expected = vec![Comparison { name: "angle".into(), found: Some(36.03), expected: 35.0, allowed: 0.5 }];
+        let outcome = Outcome { summary, expected, probes: Probes::default(), units: UnitSystem::MmNTonne, folder: "results/a".into() };
         let text = table(&outcome);
         for part in [
             "converged at t = 0.020000 s after 70000 steps",
             "48 s with 2 threads",
             "36.030 deg +- 0.62000 (95 %, n = 12)",
             "-0.12 %",
+            "NOT as expected: 36.030 against 35.000 +- 0.50000",
             "results/a",
         ] {
             assert!(text.contains(part), "{part} is missing in\n{text}");

@@ -52,10 +52,10 @@ pub struct BundleSpec {
     #[serde(default)]
     pub perturbation: f64,
     /// Start point of the axis (length; default the origin).
-    #[serde(default, with = "crate::scene::units::triple")]
+    #[serde(default, with = "crate::scene::units::list")]
     pub origin: [Length; 3],
     /// Direction of the axis (default z).
-    #[serde(default = "along_z", with = "crate::scene::units::triple")]
+    #[serde(default = "along_z", with = "crate::scene::units::list")]
     pub axis: [f64; 3],
     /// What holds the first nodes (default `Free`).
     #[serde(default)]

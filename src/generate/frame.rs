@@ -53,7 +53,7 @@ impl Frame {
             finite(prefix, "origin", x.0)?;
         }
         let axis = DVec3::from_array(axis).try_normalize().filter(|a| a.is_finite()).ok_or_else(|| {
-            SpecError::new(format!("{prefix}.axis"), format!("axis {axis:?} has no direction")).help("(0, 0, 1) is along z")
+            SpecError::new(format!("{prefix}.axis"), format!("axis {axis:?} has no direction")).help("[0, 0, 1] is along z")
         })?;
         // Exactly nothing is turned for the usual axis.
         let turn = if axis == DVec3::Z { DQuat::IDENTITY } else { DQuat::from_rotation_arc(DVec3::Z, axis) };

@@ -18,7 +18,7 @@ pub struct PolylineSpec {
     #[serde(default = "polyline_name")]
     pub name: String,
     /// Corner points, at least two (length).
-    #[serde(with = "crate::scene::units::triples")]
+    #[serde(with = "crate::scene::units::lists")]
     pub points: Vec<[Length; 3]>,
     /// Elements per leg (default 1).
     #[serde(default = "one")]

@@ -236,15 +236,15 @@ pub enum ProbeSpec {
     },
     /// Distance of two nodes.
     Distance {
-        /// The nodes.
-        nodes: [NodeRef; 2],
+        /// The two nodes.
+        nodes: Vec<NodeRef>,
     },
     /// Angle between the lines through two pairs of nodes, 0 to pi (radian).
     Angle {
-        /// First line, from node to node.
-        from: [NodeRef; 2],
-        /// Second line, from node to node.
-        to: [NodeRef; 2],
+        /// First line, from one node to another.
+        from: Vec<NodeRef>,
+        /// Second line, from one node to another.
+        to: Vec<NodeRef>,
     },
     /// Largest value of a probe over all samples so far.
     Max(Box<ProbeSpec>),
@@ -341,8 +341,9 @@ impl ProbeSpec {
             }
             Ok::<_, SpecError>(nodes)
         };
-        let pair = |path: &str, p: &[NodeRef; 2]| {
-            Ok::<_, SpecError>([p[0].resolve(&format!("{path}[0]"), model)?, p[1].resolve(&format!("{path}[1]"), model)?])
+        let pair = |path: &str, list: &[NodeRef]| match list {
+            [a, b] => Ok([a.resolve(&format!("{path}[0]"), model)?, b.resolve(&format!("{path}[1]"), model)?]),
+            _ => Err(SpecError::new(path, format!("two nodes are needed, {} given", list.len()))),
         };
         let rotations = || {
             if registry.elements.iter().any(|k| k.rotations && (k.count)(model) > 0) {

@@ -8,6 +8,9 @@ use crate::model::Model;
 use crate::scene::LoadedScene;
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
+use crate::systems::surface::shape::{Section, Shape};
+use crate::systems::surface::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces};
+use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Named probes with their running values.
@@ -77,9 +80,20 @@ pub fn measures(model: &Model, sim: &mut Simulation, units: UnitSystem) -> BTree
     out
 }
 
-/// From where the heights of a braid are measured.
-fn heights(_model: &Model) -> Heights {
-    Heights::Radial
+/// The rigid surfaces of a model, the mandrel first.
+fn surface_specs(model: &Model) -> Vec<SurfaceSpec> {
+    let mandrel = model.get::<Mandrel>().map(|m| m.0.clone());
+    mandrel.into_iter().chain(model.get::<Surfaces>().cloned().unwrap_or_default().0).collect()
+}
+
+/// From where the heights of a braid are measured: the faces of a square mandrel along z, else the axis.
+fn heights(model: &Model) -> Heights {
+    let Some(first) = surface_specs(model).into_iter().next() else { return Heights::Radial };
+    let along_z = DVec3::from_array(first.axis).cross(DVec3::Z) == DVec3::ZERO;
+    match first.shape {
+        ShapeSpec::Square { side, .. } if along_z => Heights::square(side.0, first.turn.0),
+        _ => Heights::Radial,
+    }
 }
 
 /// Probes of a scene.
@@ -88,6 +102,22 @@ pub fn probes(loaded: &LoadedScene) -> Vec<(String, Probe)> {
 }
 
 /// Rigid surfaces of a model, for pictures.
-pub fn surfaces(_model: &Model) -> Vec<Surface> {
-    Vec::new()
+pub fn surfaces(model: &Model) -> Vec<Surface> {
+    surface_specs(model)
+        .iter()
+        .filter_map(|spec| {
+            let shape = Shape::new(spec).ok()?;
+            let axis = shape.frame.z_axis;
+            Some(match &shape.section {
+                Section::HalfPlane => Surface::Plane { point: shape.origin, normal: shape.frame.x_axis },
+                Section::Circle(radius) => Surface::Cylinder { centre: shape.origin, axis, radius: *radius },
+                // Pictures show the sharp figure around a rounded one.
+                Section::Polygon(corners, edge) => {
+                    let centre = corners.iter().sum::<DVec2>() / corners.len() as f64;
+                    let grow = |c: &DVec2| *c + (*c - centre).normalize_or_zero() * *edge;
+                    Surface::Prism { axis, corners: corners.iter().map(|c| shape.origin + shape.lift(grow(c))).collect() }
+                }
+            })
+        })
+        .collect()
 }

@@ -8,9 +8,10 @@
 //! | `lines.rs`, `frame.rs`, `vtp.rs` | the lines of a model as ParaView polylines |
 //! | `picture.rs`, `render/` | shaded tubes as PNG |
 //! | `plot.rs` | diagrams as SVG |
-//! | `measured.rs`, `quality.rs` | what a scene asks to be measured; how good the state is |
+//! | `measured.rs`, `expected.rs`, `quality.rs` | what a scene asks to be measured and expects; how good the state is |
 //! | `timing.rs` | wall time of a step by set |
 //! | `file.rs` | whole files or none, folders that are never overwritten silently |
+pub mod expected;
 pub mod file;
 pub mod frame;
 pub mod history;

@@ -8,6 +8,7 @@
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
+use super::expected::{Comparison, compare};
 use super::file::{OutputError, write_atomic};
 use super::frame::frame;
 use super::history::{Column, History};
@@ -24,6 +25,7 @@ use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::model::Model;
 use crate::run::Observer;
 use crate::scene::LoadedScene;
+use crate::scene::schema::Scene;
 use crate::scene::units::UnitSystem;
 use crate::simulation::{NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
@@ -37,6 +39,7 @@ const PICTURE: (u32, u32) = (1000, 750);
 /// [`Recorder::error`].
 pub struct Recorder<'a> {
     folder: PathBuf,
+    scene: &'a Scene,
     model: &'a Model,
     name: String,
     units: UnitSystem,
@@ -79,6 +82,7 @@ impl<'a> Recorder<'a> {
         });
         let mut recorder = Recorder {
             folder: folder.to_owned(),
+            scene: &loaded.scene,
             model,
             name: loaded.name(),
             units,
@@ -217,7 +221,8 @@ impl<'a> Recorder<'a> {
         }
         let summary = self.summary(sim, status, wall, cpu);
         summary.write(&self.folder.join("summary.json"))?;
-        Ok(Outcome { summary, probes: self.probes, units: self.units, folder: self.folder })
+        let expected = compare(self.scene, &summary);
+        Ok(Outcome { summary, expected, probes: self.probes, units: self.units, folder: self.folder })
     }
 
     fn plot(&self, history: &History) -> String {
@@ -310,6 +315,8 @@ impl Observer for Recorder<'_> {
 pub struct Outcome {
     /// The content of `summary.json`.
     pub summary: Summary,
+    /// Expected values of the scene against what came out.
+    pub expected: Vec<Comparison>,
     /// The probes with their last values.
     pub probes: Probes,
     /// Unit system of all numbers.

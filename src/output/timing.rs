@@ -1,6 +1,6 @@
 //! Where the wall time of a step goes, by set.
 //!
-//! Marker systems between the sets read the clock on every [`EVERY`]th step. An executor that
+//! Marker systems between the sets read the clock on every 17th step. An executor that
 //! times each system would need `unsafe`; markers need only their dispatch, about 30 ns each, so
 //! they are left out of models whose whole step takes a few microseconds.
 use crate::simulation::Simulation;

@@ -158,20 +158,22 @@ impl SceneErrors {
     }
 }
 
-/// Plain text, one error after the other: `file:line:col: message`, then the help.
+/// Plain text, one error after the other: `file:line:col: path: message`, then the help.
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         for (i, e) in self.errors.iter().take(SHOWN).enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
-            match &e.span {
-                Some(_) => {
-                    let (line, column) = e.place();
-                    write!(f, "{}:{line}:{column}: {}", e.file, e.message)?;
-                }
-                None => write!(f, "{}: {}", e.file, e.message)?,
+            write!(f, "{}:", e.file)?;
+            if e.span.is_some() {
+                let (line, column) = e.place();
+                write!(f, "{line}:{column}:")?;
             }
+            if !e.path.is_empty() {
+                write!(f, " {}:", e.path)?;
+            }
+            write!(f, " {}", e.message)?;
             if let Some(h) = &e.help {
                 write!(f, "\n  help: {h}")?;
             }

@@ -7,6 +7,7 @@ use super::{build, ron_options, set};
 use crate::measure::Probe;
 use crate::model::Model;
 use crate::registry::{Registry, nearest};
+use crate::simulation::SimulationError;
 use serde::Deserialize;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -32,6 +33,22 @@ impl LoadedScene {
     /// Name of the scene: the file without folder and ending.
     pub fn name(&self) -> String {
         self.path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned())
+    }
+
+    /// An error that shows only when the model is spawned, with its place in the scene.
+    pub fn explain(&self, error: &SimulationError) -> SceneErrors {
+        let path = match error {
+            SimulationError::NoMass { node } => format!("nodes[{node}]"),
+            SimulationError::Model(m) if m.contains("time step") => "integration.dt".into(),
+            SimulationError::Model(m) => {
+                let about = [("surface", "surfaces"), ("overlap", "contact"), ("contact", "contact")];
+                about.into_iter().find(|(word, _)| m.contains(word)).map_or(String::new(), |(_, key)| key.into())
+            }
+            SimulationError::Numerical { .. } => String::new(),
+        };
+        let problem = Problem::new(Path::parse(&path).unwrap_or_default(), error.to_string());
+        let tree = tree(&self.text);
+        SceneErrors::place(Category::Scene, &self.path.display().to_string(), &self.text, tree.root.as_ref(), vec![problem])
     }
 
     /// The effective scene as text, which reads back as the same scene.

@@ -443,15 +443,22 @@ pub struct Triple<T>(pub [T; 3]);
 /// A point: three lengths.
 pub type Point = Triple<Length>;
 
+impl<T> std::ops::Deref for Triple<T> {
+    type Target = [T; 3];
+    fn deref(&self) -> &[T; 3] {
+        &self.0
+    }
+}
+
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Triple<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        triple::deserialize(deserializer).map(Triple)
+        list::deserialize(deserializer).map(Triple)
     }
 }
 
 impl<T: Serialize> Serialize for Triple<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.serialize_list(serializer)
+        list::serialize(&self.0, serializer)
     }
 }
 
@@ -461,94 +468,105 @@ impl<T: Copy + Into<f64>> From<Triple<T>> for glam::DVec3 {
     }
 }
 
-trait SerializeList {
-    fn serialize_list<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error>;
-}
-
-impl<T: Serialize> SerializeList for [T; 3] {
-    fn serialize_list<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self)
-    }
-}
-
-/// `#[serde(with = "triple")]` for a `[T; 3]` that is written `[x, y, z]`.
-pub mod triple {
+/// `#[serde(with = "list")]` for a `[T; N]` that is written in square brackets.
+pub mod list {
     use super::*;
 
-    struct V<T>(std::marker::PhantomData<T>);
+    struct V<T, const N: usize>(std::marker::PhantomData<T>);
 
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for V<T> {
-        type Value = [T; 3];
+    impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for V<T, N> {
+        type Value = [T; N];
         fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-            f.write_str("three components [x, y, z]")
+            write!(f, "a list of {N}")
         }
-        fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<[T; 3], A::Error> {
-            let mut next =
-                |i| items.next_element()?.ok_or_else(|| de::Error::custom(format!("three components [x, y, z] are needed, {i} given")));
-            let triple = [next(0)?, next(1)?, next(2)?];
-            match items.next_element::<de::IgnoredAny>()? {
-                None => Ok(triple),
-                Some(_) => Err(de::Error::custom("three components [x, y, z] are needed, more given")),
+        fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<[T; N], A::Error> {
+            let mut read = Vec::with_capacity(N);
+            while read.len() < N {
+                match items.next_element()? {
+                    Some(item) => read.push(item),
+                    None => return Err(de::Error::custom(format!("a list of {N} is needed, {} given", read.len()))),
+                }
             }
+            if items.next_element::<de::IgnoredAny>()?.is_some() {
+                return Err(de::Error::custom(format!("a list of {N} is needed, more given")));
+            }
+            Ok(read.try_into().unwrap_or_else(|_| unreachable!("{N} items were read")))
         }
     }
 
-    /// Reads three components.
+    /// Reads a list of N.
     ///
     /// # Errors
-    /// Anything but a list of three.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<[T; 3], D::Error> {
+    /// Anything but a list of N.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<[T; N], D::Error> {
         deserializer.deserialize_any(V(std::marker::PhantomData))
     }
 
-    /// Writes three components.
+    /// Writes a list.
     ///
     /// # Errors
     /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize>(value: &[T; 3], serializer: S) -> Result<S::Ok, S::Error> {
-        value.serialize_list(serializer)
+    pub fn serialize<S: Serializer, T: Serialize, const N: usize>(value: &[T; N], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(value)
     }
 }
 
-/// `#[serde(with = "triples")]` for a list of `[T; 3]`.
-pub mod triples {
-    use super::*;
+/// An array in square brackets, for use inside other types.
+struct List<T, const N: usize>([T; N]);
 
-    /// Reads a list of triples.
-    ///
-    /// # Errors
-    /// An entry that is not a list of three.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<[T; 3]>, D::Error> {
-        Vec::<Triple<T>>::deserialize(deserializer).map(|v| v.into_iter().map(|t| t.0).collect())
-    }
-
-    /// Writes a list of triples.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize + Copy>(value: &[[T; 3]], serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(value.iter().map(|t| Triple(*t)))
+impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        list::deserialize(deserializer).map(List)
     }
 }
 
-/// `#[serde(with = "triple_option")]` for an optional `[T; 3]`.
-pub mod triple_option {
+impl<T: Serialize, const N: usize> Serialize for List<T, N> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        list::serialize(&self.0, serializer)
+    }
+}
+
+/// `#[serde(with = "lists")]` for a list of `[T; N]`.
+pub mod lists {
     use super::*;
 
-    /// Reads a triple if there is one.
+    /// Reads a list of lists of N.
     ///
     /// # Errors
-    /// Anything but a list of three.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<[T; 3]>, D::Error> {
-        Option::<Triple<T>>::deserialize(deserializer).map(|t| t.map(|t| t.0))
+    /// An entry that is not a list of N.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<Vec<[T; N]>, D::Error> {
+        Vec::<List<T, N>>::deserialize(deserializer).map(|v| v.into_iter().map(|t| t.0).collect())
     }
 
-    /// Writes a triple if there is one.
+    /// Writes a list of lists.
     ///
     /// # Errors
     /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize + Copy>(value: &Option<[T; 3]>, serializer: S) -> Result<S::Ok, S::Error> {
-        value.map(Triple).serialize(serializer)
+    pub fn serialize<S: Serializer, T: Serialize + Copy, const N: usize>(value: &[[T; N]], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(value.iter().map(|t| List(*t)))
+    }
+}
+
+/// `#[serde(with = "list_option")]` for an optional `[T; N]`.
+pub mod list_option {
+    use super::*;
+
+    /// Reads a list of N if there is one.
+    ///
+    /// # Errors
+    /// Anything but a list of N.
+    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+        deserializer: D,
+    ) -> Result<Option<[T; N]>, D::Error> {
+        Option::<List<T, N>>::deserialize(deserializer).map(|t| t.map(|t| t.0))
+    }
+
+    /// Writes a list if there is one.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer, T: Serialize + Copy, const N: usize>(value: &Option<[T; N]>, serializer: S) -> Result<S::Ok, S::Error> {
+        value.map(List).serialize(serializer)
     }
 }
 
@@ -637,7 +655,7 @@ mod tests {
         let p: Point = read(MmNTonne, "[1, \"2 cm\", 3.5]").unwrap();
         assert_eq!(glam::DVec3::from(p), glam::DVec3::new(1.0, 20.0, 3.5));
         assert_eq!(crate::scene::ron_options().to_string(&p).unwrap(), "[1.0,20.0,3.5]");
-        for (text, part) in [("[1, 2]", "2 given"), ("[1, 2, 3, 4]", "more given"), ("7", "[x, y, z]"), ("[1, 2, NaN]", "finite")] {
+        for (text, part) in [("[1, 2]", "2 given"), ("[1, 2, 3, 4]", "more given"), ("7", "a list of 3"), ("[1, 2, NaN]", "finite")] {
             let e = read::<Point>(MmNTonne, text).unwrap_err();
             assert!(e.contains(part), "{text}: {e}");
         }

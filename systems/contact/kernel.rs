@@ -235,9 +235,7 @@ pub fn point_contact<L: Lane>(
     let (ca, cb) = (a.curve(lines, |l| records[l].segments[0]), b.curve(lines, |l| records[l].segments[1]));
     let (s0, t0) = (L::from_fn(|l| states[l].t[0]), L::from_fn(|l| states[l].t[1]));
     let limits = |side: usize| {
-        let limit = |k: usize, no: f64| {
-            L::from_fn(|l| if lines.slots[records[l].segments[side] as usize].free[k] { k as f64 } else { no })
-        };
+        let limit = |k: usize, no: f64| L::from_fn(|l| if lines.slots[records[l].segments[side] as usize].free[k] { k as f64 } else { no });
         (limit(0, -2.0), limit(1, 3.0))
     };
     let reach = ra + rb;

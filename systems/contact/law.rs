@@ -106,14 +106,7 @@ mod tests {
     use super::*;
 
     fn touch(g: f64, v: [f64; 3]) -> Touch<f64> {
-        Touch {
-            stiffness: 2.0,
-            penetration: g,
-            reach: 1.0,
-            normal: V3::new(0.0, 0.0, 1.0),
-            velocity: V3::new(v[0], v[1], v[2]),
-            mass: 1.0,
-        }
+        Touch { stiffness: 2.0, penetration: g, reach: 1.0, normal: V3::new(0.0, 0.0, 1.0), velocity: V3::new(v[0], v[1], v[2]), mass: 1.0 }
     }
     const LAW: Law = Law { friction: 0.3, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 1e-3 };
 

@@ -82,7 +82,8 @@ impl Lines {
     /// More than three period vectors, or a filament that ends in two others.
     pub fn new(model: &Model, row: impl Fn(NodeId) -> usize, x: &[DVec3]) -> Result<Lines, String> {
         let mut lines = Lines { independent: (0..x.len() as u32).collect(), ..Lines::default() };
-        lines.model_index = (0..model.filaments.len()).filter(|&f| model.filaments[f].contact && model.filaments[f].nodes.len() > 1).collect();
+        lines.model_index =
+            (0..model.filaments.len()).filter(|&f| model.filaments[f].contact && model.filaments[f].nodes.len() > 1).collect();
         if lines.model_index.is_empty() {
             return Ok(lines);
         }

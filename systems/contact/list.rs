@@ -103,9 +103,11 @@ impl Builder {
         for k in 0..self.lines.len() {
             let (record, state) = self.lines[k];
             let place = (record.segment, state.t, record.image);
-            let twice = self.lines[..kept].iter().rev().take_while(|(r, _)| r.node == record.node).any(|(r, s)| {
-                distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME)
-            });
+            let twice = self.lines[..kept]
+                .iter()
+                .rev()
+                .take_while(|(r, _)| r.node == record.node)
+                .any(|(r, s)| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME));
             if !twice {
                 self.lines[kept] = (record, state);
                 kept += 1;
@@ -158,8 +160,7 @@ impl Builder {
             return;
         }
         let shift = now.shift[c.image as usize];
-        let (s, t) =
-            closest_parameters(xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift);
+        let (s, t) = closest_parameters(xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift);
         let (curve_a, curve_b) = (curve_of(lines, now, c.a), curve_of(lines, now, c.b));
         let apart: V3<f64> = (xyz(&now.x[a]) - xyz(&now.x[b]) - shift).into();
         let limits = |j: usize| {
@@ -199,12 +200,7 @@ impl Builder {
     }
 
     /// Hands slip and offset of the old records to the new ones at the same place; both sorted.
-    pub fn inherit(
-        &mut self,
-        lines: &Lines,
-        old_lines: (&[LineRecord], &[LineState]),
-        old_points: (&[PointRecord], &[PointState]),
-    ) {
+    pub fn inherit(&mut self, lines: &Lines, old_lines: (&[LineRecord], &[LineState]), old_points: (&[PointRecord], &[PointState])) {
         let mut from = 0;
         for (record, state) in &mut self.lines {
             while from < old_lines.0.len() && old_lines.0[from].node < record.node {

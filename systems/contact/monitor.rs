@@ -136,7 +136,8 @@ pub fn install(cx: &mut Install<'_>) {
 
 fn look(world: &mut World) {
     let step = world.resource::<Clock>().step;
-    let due = world.get_resource::<LookNow>().is_none_or(|l| l.0) || world.get_resource::<MonitorEvery>().is_none_or(|e| step.is_multiple_of(e.0));
+    let due = world.get_resource::<LookNow>().is_none_or(|l| l.0)
+        || world.get_resource::<MonitorEvery>().is_none_or(|e| step.is_multiple_of(e.0));
     if due {
         summarise(world);
     }

@@ -102,13 +102,7 @@ impl Search {
     }
 
     /// All pairs of segments closer than the skin, sorted; `excluded` says which may never touch.
-    pub fn candidates(
-        &mut self,
-        lines: &Lines,
-        now: &Centrelines,
-        excluded: impl Fn(Candidate) -> bool,
-        out: &mut Vec<Candidate>,
-    ) {
+    pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool, out: &mut Vec<Candidate>) {
         out.clear();
         self.measure_bulges(lines, now);
         let fresh = self.rebuilds % REBUILD_TREE == 0;

@@ -185,7 +185,10 @@ impl Shape {
         let (u, v) = if axis == DVec3::Z {
             (DVec3::X, DVec3::Y)
         } else {
-            let u = (DVec3::X - axis * axis.x).try_normalize().filter(|_| axis.x.abs() < 0.9).unwrap_or(axis.cross(DVec3::X).normalize_or(DVec3::Y));
+            let u = (DVec3::X - axis * axis.x)
+                .try_normalize()
+                .filter(|_| axis.x.abs() < 0.9)
+                .unwrap_or(axis.cross(DVec3::X).normalize_or(DVec3::Y));
             (u, axis.cross(u))
         };
         let (sin, cos) = spec.turn.0.sin_cos();
@@ -252,7 +255,9 @@ mod tests {
             let (d, n) = shape.distance(x);
             if d > -0.2 {
                 let h = 1e-6;
-                let g = DVec3::from_array(std::array::from_fn(|a| (shape.distance(x + DVec3::AXES[a] * h).0 - shape.distance(x - DVec3::AXES[a] * h).0) / (2.0 * h)));
+                let g = DVec3::from_array(std::array::from_fn(|a| {
+                    (shape.distance(x + DVec3::AXES[a] * h).0 - shape.distance(x - DVec3::AXES[a] * h).0) / (2.0 * h)
+                }));
                 assert!((g - n).length() < 1e-5, "{x} {d} {g} {n}");
             }
         }

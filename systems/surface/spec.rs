@@ -1,5 +1,5 @@
 //! What a scene says about rigid surfaces.
-use crate::systems::contact::{InitialOverlap, bounded, positive};
+use crate::systems::contact::{ContactSpec, InitialOverlap, bounded, positive};
 use braid_ecs::prelude::*;
 use braid_ecs::scene::units::{Angle, Length, Point, Ratio, Stiffness, StiffnessPerLength};
 
@@ -17,8 +17,10 @@ impl Settings for Surfaces {
     const KEY: &'static str = "surfaces";
     const ABOUT: &'static str = "rigid surfaces that filaments lie on, with friction";
 
-    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
-        for (k, s) in self.0.iter().enumerate() {
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        for k in 0..self.0.len() {
+            self.0[k].like_filaments(build.model);
+            let s = &self.0[k];
             s.check().map_err(|e| SpecError { path: format!("[{k}].{}", e.path), ..e })?;
             if self.0[..k].iter().any(|other| other.name == s.name) {
                 return Err(SpecError::new(format!("[{k}].name"), format!("two surfaces are called `{}`", s.name)));
@@ -32,7 +34,8 @@ impl Settings for Mandrel {
     const KEY: &'static str = "mandrel";
     const ABOUT: &'static str = "the rigid bar inside a braid";
 
-    fn check(&mut self, _build: &mut Build<'_>) -> Result<(), SpecError> {
+    fn check(&mut self, build: &mut Build<'_>) -> Result<(), SpecError> {
+        self.0.like_filaments(build.model);
         self.0.check()
     }
 }
@@ -53,14 +56,14 @@ pub struct SurfaceSpec {
     #[serde(default)]
     pub position: Point,
     /// Direction of the axis, or normal of the plane. Default z.
-    #[serde(default = "along_z")]
+    #[serde(default = "along_z", with = "braid_ecs::scene::units::list")]
     pub axis: [f64; 3],
     /// Turn of the cross-section about the axis. Default 0.
     #[serde(default)]
     pub turn: Angle,
-    /// Coulomb friction coefficient. Default 0.2.
-    #[serde(default = "friction")]
-    pub friction: Ratio,
+    /// Coulomb friction coefficient. Default: that of `contact`, or 0.2.
+    #[serde(default)]
+    pub friction: Option<Ratio>,
     /// Normal stiffness over an edge (force / length). Default from mass and time step.
     #[serde(default)]
     pub stiffness: Option<Stiffness>,
@@ -83,9 +86,6 @@ fn mandrel() -> String {
 }
 fn along_z() -> [f64; 3] {
     [0.0, 0.0, 1.0]
-}
-fn friction() -> Ratio {
-    Ratio(0.2)
 }
 fn half() -> Ratio {
     Ratio(0.5)
@@ -126,6 +126,7 @@ pub enum ShapeSpec {
     /// A bar with a convex polygon as cross-section.
     Polygon {
         /// Corners in the plane across the axis (length), either way round.
+        #[serde(with = "braid_ecs::scene::units::lists")]
         corners: Vec<[Length; 2]>,
         /// Radius of the edges (length), 0 for sharp ones. Default 0.
         #[serde(default)]
@@ -142,7 +143,7 @@ impl SurfaceSpec {
             position: Point::default(),
             axis: along_z(),
             turn: Angle(0.0),
-            friction: friction(),
+            friction: None,
             stiffness: None,
             line_stiffness: None,
             friction_stiffness: half(),
@@ -151,12 +152,17 @@ impl SurfaceSpec {
         }
     }
 
+    /// Takes the friction of the contact between filaments where none is given.
+    fn like_filaments(&mut self, model: &Model) {
+        self.friction.get_or_insert(model.get::<ContactSpec>().map_or(Ratio(0.2), |c| c.friction));
+    }
+
     /// Checks the numbers and the shape.
     ///
     /// # Errors
     /// The first field that makes no sense.
     pub fn check(&self) -> Result<(), SpecError> {
-        bounded("friction", "the friction coefficient", self.friction.0, 0.0, f64::INFINITY)?;
+        bounded("friction", "the friction coefficient", self.friction.map_or(0.0, |f| f.0), 0.0, f64::INFINITY)?;
         positive("stiffness", "the stiffness over an edge", self.stiffness.map(f64::from))?;
         positive("line_stiffness", "the stiffness per length", self.line_stiffness.map(f64::from))?;
         bounded("friction_stiffness", "the stiffness ratio of friction", self.friction_stiffness.0, 1e-6, 1.0)?;

@@ -66,7 +66,13 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
     for (k, s) in specs.iter().enumerate() {
         let at = |e: SpecError| format!("surface {k} (`{}`), {}: {e}", s.name, e.path);
         s.check().map_err(at)?;
-        let law = Law { friction: s.friction.0, tangential: s.friction_stiffness.0, damping: s.damping.0, toe: 1e-3, dt: 0.0 };
+        let law = Law {
+            friction: s.friction.map_or(0.2, f64::from),
+            tangential: s.friction_stiffness.0,
+            damping: s.damping.0,
+            toe: 1e-3,
+            dt: 0.0,
+        };
         let shape = Shape::new(s).map_err(at)?;
         surfaces.push(Surface { name: s.name.clone(), shape, law, line_stiffness: 1.0, point_stiffness: 1.0, keep: 1.0 });
     }
@@ -166,7 +172,14 @@ fn resolve(world: &mut World) {
 }
 
 /// Records over edges that have left their segment move on; decides whether a new list is due.
-fn follow(clock: Res<Clock>, lines: Res<Lines>, now: Res<Centrelines>, live: Res<LiveSurfaceRecords>, mut set: ResMut<SurfaceSet>, mut edges: Query<(&mut EdgeRecord, &mut EdgeState)>) {
+fn follow(
+    clock: Res<Clock>,
+    lines: Res<Lines>,
+    now: Res<Centrelines>,
+    live: Res<LiveSurfaceRecords>,
+    mut set: ResMut<SurfaceSet>,
+    mut edges: Query<(&mut EdgeRecord, &mut EdgeState)>,
+) {
     if set.moved {
         let (mut records, mut states) = columns(&mut edges);
         for (r, s) in records.bypass_change_detection()[..live.edges].iter_mut().zip(states.bypass_change_detection()) {
@@ -248,7 +261,8 @@ fn near_edges(surface: &Surface, k: u32, skin: f64, lines: &Lines, now: &Centrel
             let reach = lines.slots[i].radius + edge.radius + skin;
             let (a, b) = (surface.shape.flat(xyz(&now.x[i])), surface.shape.flat(xyz(&now.x[i + 1])));
             let chord = b - a;
-            let start = if chord.length_squared() > 0.0 { ((edge.centre - a).dot(chord) / chord.length_squared()).clamp(0.0, 1.0) } else { 0.5 };
+            let start =
+                if chord.length_squared() > 0.0 { ((edge.centre - a).dot(chord) / chord.length_squared()).clamp(0.0, 1.0) } else { 0.5 };
             // The centreline leaves its chord by less than a quarter of it, on any sensible mesh.
             if (a + chord * start).distance(edge.centre) > reach + 0.25 * lines.slots[i].length {
                 continue;

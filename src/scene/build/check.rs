@@ -4,11 +4,21 @@ use crate::components::{Dof, NodeId};
 use crate::element::NodeMass;
 use crate::scene::error::Problem;
 use crate::scene::schema::Scene;
-use crate::scene::spans::Path;
+use crate::scene::spans::{Path, Step};
 use std::collections::BTreeMap;
 
 /// One degree of freedom of one node.
 type Freedom = (NodeId, Dof);
+
+/// The list and the place in it of a constraint. Generated constraints come after those of the scene.
+type Place = (&'static str, usize);
+
+/// What a dependent degree of freedom follows from.
+type Dependents = BTreeMap<Freedom, (Place, Vec<Freedom>)>;
+
+fn path_of(place: Place) -> Path {
+    at(place.0).index(place.1)
+}
 
 impl Builder<'_> {
     pub(super) fn check_model(&mut self, scene: &Scene) {
@@ -19,20 +29,22 @@ impl Builder<'_> {
         let dependents = self.dependents();
         self.check_circles(&dependents);
         self.check_held(&dependents);
-        self.check_masses(scene);
+        if self.problems.is_empty() {
+            self.check_masses(scene);
+        }
         self.check_coincident();
     }
 
     /// Every dependent degree of freedom with the place that makes it dependent and what it depends on.
-    fn dependents(&mut self) -> BTreeMap<Freedom, (Path, Vec<Freedom>)> {
-        let mut all: Vec<(Freedom, Path, Vec<Freedom>)> = Vec::new();
+    fn dependents(&mut self) -> Dependents {
+        let mut all: Vec<(Freedom, Place, Vec<Freedom>)> = Vec::new();
         for (i, e) in self.model.equations.iter().enumerate() {
             let (first, rest) = e.terms.split_first().expect("equations have terms");
-            all.push(((first.node, first.dof), at("equations").index(i), rest.iter().map(|t| (t.node, t.dof)).collect()));
+            all.push(((first.node, first.dof), ("equations", i), rest.iter().map(|t| (t.node, t.dof)).collect()));
         }
         for (i, t) in self.model.ties.iter().enumerate() {
             for d in Dof::ALL {
-                all.push(((t.embedded, d), at("ties").index(i), vec![(t.host, d)]));
+                all.push(((t.embedded, d), ("ties", i), vec![(t.host, d)]));
             }
         }
         for (i, p) in self.model.periodic.iter().enumerate() {
@@ -41,29 +53,31 @@ impl Builder<'_> {
                 if !d.is_rotation() {
                     on.extend(p.dummies.iter().map(|n| (*n, d)));
                 }
-                all.push(((p.image, d), at("periodic.pairs").index(i), on));
+                all.push(((p.image, d), ("periodic.pairs", i), on));
             }
         }
-        let mut dependents: BTreeMap<Freedom, (Path, Vec<Freedom>)> = BTreeMap::new();
+        let mut dependents: Dependents = BTreeMap::new();
         let mut named = None;
-        for (dof, path, on) in all {
+        for (dof, place, on) in all {
             if let Some((other, _)) = dependents.get(&dof) {
                 // One message per pair of constraints, not one per degree of freedom.
-                if named.as_ref() != Some(&path) {
-                    let message =
-                        format!("over-constrained: {:?} of node {} already depends on others by {other}", dof.1, self.name_of(dof.0));
-                    self.problem(path.clone(), message);
-                    named = Some(path);
+                if named != Some(place) {
+                    let (name, other) = (self.name_of(dof.0), path_of(*other));
+                    self.problem(
+                        path_of(place),
+                        format!("over-constrained: {:?} of node {name} already depends on others by {other}", dof.1),
+                    );
+                    named = Some(place);
                 }
                 continue;
             }
-            dependents.insert(dof, (path, on));
+            dependents.insert(dof, (place, on));
         }
         dependents
     }
 
     /// Refuses constraints that run in a circle: the system would have no independent unknown left.
-    fn check_circles(&mut self, dependents: &BTreeMap<Freedom, (Path, Vec<Freedom>)>) {
+    fn check_circles(&mut self, dependents: &Dependents) {
         // 0 untouched, 1 on the way, 2 done; an explicit stack, since chains may be long.
         let mut state: BTreeMap<Freedom, u8> = BTreeMap::new();
         for start in dependents.keys() {
@@ -93,10 +107,10 @@ impl Builder<'_> {
                         let from = way.iter().position(|w| w.0 == to).expect("a freedom on the way is on the stack");
                         let mut names: Vec<String> = way[from..].iter().map(|w| format!("node {} {:?}", w.0.0.0, w.0.1)).collect();
                         names.push(names[0].clone());
-                        let places: Vec<String> = way[from..].iter().map(|w| dependents[&w.0].0.to_string()).collect();
+                        let places: Vec<String> = way[from..].iter().map(|w| path_of(dependents[&w.0].0).to_string()).collect();
                         let message = format!("over-constrained: constraints run in a circle: {}", names.join(" -> "));
                         let help = format!("{} together leave only the zero solution; take one of them out", places.join(", "));
-                        self.problems.push(Problem::new(dependents[&here].0.clone(), message).help(help));
+                        self.problems.push(Problem::new(path_of(dependents[&here].0), message).help(help));
                         return;
                     }
                     Some(_) => {}
@@ -106,17 +120,17 @@ impl Builder<'_> {
     }
 
     /// Refuses dependent degrees of freedom that are also fixed or prescribed.
-    fn check_held(&mut self, dependents: &BTreeMap<Freedom, (Path, Vec<Freedom>)>) {
+    fn check_held(&mut self, dependents: &Dependents) {
         let fixed = self.model.fixed.iter().flat_map(|f| f.dofs.iter().map(move |d| ((f.node, *d), "fixed")));
         let prescribed = self.model.prescribed.iter().map(|p| ((p.node, p.dof), "prescribed"));
         let mut found = Vec::new();
         let mut seen: BTreeMap<Freedom, &str> = BTreeMap::new();
         for ((node, dof), how) in fixed.chain(prescribed) {
-            if let Some((path, on)) = dependents.get(&(node, dof)) {
+            if let Some((place, on)) = dependents.get(&(node, dof)) {
                 let on: Vec<String> = on.iter().map(|(n, d)| format!("{d:?} of node {}", self.name_of(*n))).collect();
                 found.push(
                     Problem::new(
-                        path.clone(),
+                        path_of(*place),
                         format!(
                             "over-constrained: {dof:?} of node {} follows from {} and is also {how}",
                             self.name_of(node),
@@ -157,9 +171,14 @@ impl Builder<'_> {
         }
         // Mass reaches the node that carries a tied node or an image.
         let mut total = masses;
+        let host: BTreeMap<NodeId, NodeId> = self.model.ties.iter().map(|t| (t.embedded, t.host)).collect();
         for t in &self.model.ties {
-            let host = self.model.host(t.embedded);
-            total[host.row()] += total[t.embedded.row()];
+            // Circles of ties were refused before.
+            let mut to = t.host;
+            while let Some(next) = host.get(&to) {
+                to = *next;
+            }
+            total[to.row()] += total[t.embedded.row()];
         }
         for p in &self.model.periodic {
             total[p.node.row()] += total[p.image.row()];
@@ -207,41 +226,32 @@ impl Builder<'_> {
         let twice = segments.windows(2).find(|w| w[0].0 == w[1].0 && w[0].1 != w[1].1);
         if let Some([a, b]) = twice {
             let (name_a, name_b) = (self.filament_name(a.1), self.filament_name(b.1));
-            let path = self.filament_path(b.1);
+            let path = self.source(b.1).map_or(Path::default(), |s| s.0);
             self.problems.push(
                 Problem::new(
                     path,
                     format!("{name_b} lies exactly on {name_a} (segment {} on segment {}): the contact normal is undefined", b.2, a.2),
                 )
-                .help("move one of them, or set contact: false on it"),
+                .help("move one of them"),
             );
         }
     }
 
+    /// What to call filament `f` in a message.
     fn filament_name(&self, f: usize) -> String {
         let filament = &self.model.filaments[f];
-        let group = self.groups.iter().find(|(_, nodes)| *nodes == &filament.nodes);
-        group.map_or_else(
-            || format!("filament {f} (tow {}, number {})", filament.tow, filament.index),
-            |(name, _)| format!("polyline `{name}`"),
-        )
+        match self.source(f) {
+            Some((path, n)) if path.to_string().starts_with("filaments") => format!("filament {n}"),
+            Some((path, n)) => format!("filament {n} of {path}"),
+            None => format!("filament {} of tow {}", filament.index, filament.tow),
+        }
     }
 
-    /// Where filament `f` stands in the scene: among the polylines or in the list of filaments.
-    fn filament_path(&self, f: usize) -> Path {
-        let nodes = &self.model.filaments[f].nodes;
-        let lists = self.root.find(&at("polylines")).map_or(0, |v| v.items.len());
-        if self.groups.values().any(|g| g == nodes) {
-            let place = (0..lists).find(|i| {
-                let first = self.groups.values().find(|g| *g == nodes).map(|g| g[0]);
-                let name =
-                    self.root.find(&at("polylines").index(*i).key("name")).map(|v| self.text[v.span.clone()].trim_matches('"').to_string());
-                self.groups.get(&name.unwrap_or(format!("line{i}"))).map(|g| g[0]) == first
-            });
-            return place.map_or(at("polylines"), |i| at("polylines").index(i));
-        }
-        let before = self.model.filaments[..f].iter().filter(|g| self.groups.values().any(|n| *n == g.nodes)).count();
-        let list = at("filaments").index(f - before);
-        if self.root.find(&list).is_some() { list } else { Path::default() }
+    /// The entry of the scene that made filament `f`, and the number of the filament there.
+    fn source(&self, f: usize) -> Option<(Path, usize)> {
+        let (path, made) = self.sources.iter().find(|(_, made)| made.contains(&f))?;
+        let listed = path.0.first() == Some(&Step::Key("filaments".into()));
+        let number = if let (true, Some(Step::Index(i))) = (listed, path.0.last()) { *i } else { f - made.start };
+        Some((path.clone(), number))
     }
 }

@@ -116,11 +116,14 @@ impl Builder<'_> {
             bulk_viscosity: spec.bulk_viscosity.0,
             monitor_every: spec.monitor_every.max(1),
         };
-        self.add_stop(&mut scene.stop);
+        // With a load the stop follows from its time scale, unless something else was wrong before.
+        if scene.load.is_none() || self.time_scale.is_some() {
+            self.add_stop(&mut scene.stop);
+        }
     }
 
     fn add_stop(&mut self, stop: &mut StopSpec) {
-        if stop.time.is_none() && stop.steps.is_none() && stop.steady.is_none() {
+        if *stop == StopSpec::default() {
             self.problems.push(
                 Problem::new(at("stop"), "the run never ends: `stop` is missing")
                     .help("give stop: (time: ...), (steps: ...) or (steady: (interval: ...))"),

@@ -86,7 +86,7 @@ impl Builder<'_> {
                 self.problem(path, format!("node {} is tied to itself", host.0));
             } else if distance > 0.0 {
                 let (a, b) = (self.name_of(embedded), self.name_of(host));
-                self.problem(path, format!("tied nodes {a} and {b} are not at the same point: they are {distance:e} apart"));
+                self.problem(path, format!("tied nodes {a} and {b} are not at the same point: they are {distance:.3e} apart"));
             } else {
                 self.model.ties.push(Tie { embedded, host });
             }
@@ -147,11 +147,11 @@ impl Builder<'_> {
         if !(distance <= tolerance) {
             let (a, b) = (self.name_of(node), self.name_of(image));
             let message = format!(
-                "periodic pair does not match: node {b} should be at [{}, {}, {}], the period away from node {a}, and is {distance:e} away from there",
+                "periodic pair does not match: node {b} should be at [{}, {}, {}], the period away from node {a}, and is {distance:.3e} away from there",
                 wanted.x, wanted.y, wanted.z
             );
             self.problems
-                .push(crate::scene::error::Problem::new(path.clone(), message).help(format!("periodic.tolerance is {tolerance:e}")));
+                .push(crate::scene::error::Problem::new(path.clone(), message).help(format!("periodic.tolerance is {tolerance:.3e}")));
             return;
         }
         self.model.periodic.push(PeriodicPair { node, image, dummies });
@@ -191,7 +191,7 @@ impl Builder<'_> {
             }
         }
         if pairs.is_empty() {
-            self.problem(at("periodic.matching"), format!("no node has an image one period away (within {tolerance:e})"));
+            self.problem(at("periodic.matching"), format!("no node has an image one period away (within {tolerance:.3e})"));
         }
         self.model.periodic.extend(pairs);
     }

@@ -103,7 +103,8 @@ fn meets_its_expectations(name: &str) {
     for (probe, expected) in &loaded.scene.expect {
         let value = loaded.probes.iter().find(|(n, _)| n == probe).expect("expected values belong to probes").1.evaluate(&mut sim.world);
         let allowed = expected.rel.map_or(0.0, |r| r.0 * expected.value.0.abs()).max(expected.abs.map_or(0.0, |a| a.0));
-        if !((value - expected.value.0).abs() <= allowed) {
+        let error = (value - expected.value.0).abs();
+        if error.is_nan() || error > allowed {
             wrong.push(format!("{name}, {probe}: {value:e}, expected {:e} within {allowed:e} ({})", expected.value.0, expected.source));
         }
     }

@@ -236,7 +236,7 @@ fn what_is_probably_not_meant_is_hinted_at() {
 fn a_name_that_is_given_twice_is_refused() {
     let text = PENDULUM.replace("\"steel\": (E", "\"steel\": (E: 1, nu: 0, rho: 1), \"steel\": (E");
     let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
-    assert!(e.starts_with("test.ron:3:51: materials.steel: an entry of this name is there already"), "{e}");
+    assert!(e.starts_with("test.ron:3:50: materials.steel: an entry of this name is there already"), "{e}");
     let text = PENDULUM.replace("stop: (time: 0.1)", "stop: (time: 0.1), stop: (steps: 1)");
     let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
     assert!(e.contains("field `stop` of scene is given twice"), "{e}");

@@ -248,3 +248,8 @@ pub type StiffnessSource = fn(&mut World, &mut [StiffnessBound]);
 /// Stiffness that is not in elements (contacts, surfaces), with a name for the report of the limit.
 #[derive(Resource, Default)]
 pub struct StiffnessSources(pub Vec<(&'static str, StiffnessSource)>);
+
+/// Set by a system that has added stiffness since the last look at the time step: look again in
+/// this step.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub struct StiffnessChanged(pub bool);

@@ -25,13 +25,15 @@ fn install(cx: &mut Install<'_>) {
     // Linear bulk viscosity b lowers the limit to sqrt(1 + b^2) - b.
     let viscosity = (1.0 + i.bulk_viscosity * i.bulk_viscosity).sqrt() - i.bulk_viscosity;
     cx.world.insert_resource(StepRule { safety: i.safety * viscosity, fixed: i.dt.is_some(), every: u64::from(i.monitor_every.max(1)) });
+    cx.world.init_resource::<StiffnessChanged>();
     cx.add_system(StepSet::Monitor, follow_limit);
 }
 
 fn follow_limit(world: &mut World) {
     let rule = *world.resource::<StepRule>();
     let step = world.resource::<Clock>().step;
-    if step == 0 || !step.is_multiple_of(rule.every) || world.resource::<Failure>().0.is_some() {
+    let changed = std::mem::take(&mut world.resource_mut::<StiffnessChanged>().0);
+    if step == 0 || !(changed || step.is_multiple_of(rule.every)) || world.resource::<Failure>().0.is_some() {
         return;
     }
     let (limit, by) = stable_limit(world);

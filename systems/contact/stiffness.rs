@@ -95,7 +95,7 @@ pub fn resolve(world: &mut World) {
     penalty.point_stiffness = point;
 }
 
-/// Adds the bounds of all records that touch or nearly do: for K = k n n^t w w^t the row sums give
+/// Adds the bounds of all records of the list, which covers what may touch before the next one: for K = k n n^t w w^t the row sums give
 /// K <= diag(k |w_i| sum |w_j|). Lagged damping of ratio xi narrows the limit by sqrt(1 + xi^2) - xi.
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
@@ -111,21 +111,17 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut spread = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
     for (record, state) in line_query.iter(world).take(live.lines) {
         let c = of_line(&still, lines, now, record, state);
-        if c.penetration > -NEAR * c.reach {
-            spread.node(record.node, 1.0);
-            spread.segment(now, record.segment, c.t[1]);
-            spread.image(record.image);
-            spread.add(c.stiffness * narrow);
-        }
+        spread.node(record.node, 1.0);
+        spread.segment(now, record.segment, c.t[1]);
+        spread.image(record.image);
+        spread.add(c.stiffness * narrow);
     }
     for (record, state) in point_query.iter(world).take(live.points) {
         let c = of_point(&still, lines, now, record, state);
-        if c.penetration > -NEAR * c.reach {
-            spread.segment(now, record.segments[0], c.t[0]);
-            spread.segment(now, record.segments[1], c.t[1]);
-            spread.image(record.image);
-            spread.add(c.stiffness * narrow);
-        }
+        spread.segment(now, record.segments[0], c.t[0]);
+        spread.segment(now, record.segments[1], c.t[1]);
+        spread.image(record.image);
+        spread.add(c.stiffness * narrow);
     }
     let mut kappa = spread.kappa;
     share_copies(lines, &masses, &mut kappa);
@@ -133,9 +129,6 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
         o.translation += k;
     }
 }
-
-/// Records farther apart than this, in sums of radii, do not count for the time step.
-const NEAR: f64 = 0.1;
 
 /// A node and its periodic copies move together: their stiffness is theirs in proportion to mass.
 pub fn share_copies(lines: &Lines, masses: &[f64], kappa: &mut [f64]) {

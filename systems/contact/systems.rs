@@ -86,6 +86,7 @@ pub fn rebuild(world: &mut World) {
     if world.resource::<Requests>().rebuild {
         make_list(world);
         *world.resource_mut::<Requests>() = Requests::default();
+        world.get_resource_or_init::<StiffnessChanged>().0 = true;
     }
 }
 

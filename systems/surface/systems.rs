@@ -205,6 +205,7 @@ fn rebuild(world: &mut World) {
         world.resource_mut::<SurfaceSet>().budget = skin - farthest;
     } else {
         make_list(world);
+        world.get_resource_or_init::<StiffnessChanged>().0 = true;
     }
 }
 
@@ -403,23 +404,20 @@ fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut edge_query = world.query::<(&EdgeRecord, &EdgeState)>();
     let live = *world.resource::<LiveSurfaceRecords>();
     let (lines, now, set) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<SurfaceSet>());
+    let surfaces: Vec<Surface> = set.surfaces.iter().map(still).collect();
     let mut s = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
     let narrow = |xi: f64| ((1.0 + xi * xi).sqrt() - xi).powi(-2);
     for (record, state) in node_query.iter(world).take(live.nodes) {
-        let surface = still(&set.surfaces[record.surface as usize]);
-        let c = node_contact(&surface, lines, now, record, state);
-        if c.penetration > -0.2 * lines.slots[record.node as usize].radius {
-            s.node(record.node, 1.0);
-            s.add(c.stiffness * narrow(surface.law.damping));
-        }
+        let surface = &surfaces[record.surface as usize];
+        let c = node_contact(surface, lines, now, record, state);
+        s.node(record.node, 1.0);
+        s.add(c.stiffness * narrow(surface.law.damping));
     }
     for (record, state) in edge_query.iter(world).take(live.edges) {
-        let surface = still(&set.surfaces[record.surface as usize]);
-        let c = edge_contact(&surface, lines, now, record, state);
-        if c.penetration > -0.2 * lines.slots[record.segment as usize].radius {
-            s.segment(now, record.segment, c.t);
-            s.add(c.stiffness * narrow(surface.law.damping));
-        }
+        let surface = &surfaces[record.surface as usize];
+        let c = edge_contact(surface, lines, now, record, state);
+        s.segment(now, record.segment, c.t);
+        s.add(c.stiffness * narrow(surface.law.damping));
     }
     let mut kappa = s.kappa;
     share_copies(lines, &masses, &mut kappa);

@@ -105,7 +105,8 @@ pub enum NaturalShape {
     AsBuilt,
     /// Straight, but twisted by `twist` (radian / length) against the initial shape.
     Straight {
-        /// Initial twist of the material about the axis (radian / length).
+        /// Initial twist of the material about the axis (radian / length). Default 0.
+        #[serde(default, deserialize_with = "crate::scene::units::finite")]
         twist: f64,
     },
 }

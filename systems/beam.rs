@@ -21,6 +21,7 @@
 //! Mech. Engrg.* 81 (1990) 131-150 for the corotational idea, J. M. Battini and C. Pacoste, ibid.
 //! 191 (2002) 1755-1789 for the mid frame.
 use braid_ecs::prelude::*;
+use braid_ecs::scene::units::Ratio;
 
 /// Registers the beam.
 pub fn plugin(sim: &mut Simulation) {
@@ -62,7 +63,7 @@ pub struct BeamSpec {
     pub section: String,
     /// Direction of the second section axis, for sections with two bending stiffnesses.
     #[serde(default, with = "braid_ecs::scene::units::list_option")]
-    pub orientation: Option<[f64; 3]>,
+    pub orientation: Option<[Ratio; 3]>,
     /// Stress-free shape: `AsBuilt` (default) or `Straight(twist: 0)`.
     #[serde(default)]
     pub natural: NaturalShape,
@@ -83,7 +84,7 @@ impl Element<2> for Beam {
         }
         build.check_nodes("nodes", &spec.nodes)?;
         let section = build.section("section", &spec.section)?;
-        let orientation = spec.orientation.map(DVec3::from_array);
+        let orientation = spec.orientation.map(|o| DVec3::from_array(o.map(f64::from)));
         Beam::along(&Chain { nodes: spec.nodes, section, natural: spec.natural, orientation, closed: spec.closed }, build)
     }
 

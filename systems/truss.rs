@@ -7,6 +7,7 @@
 //! Source: M. A. Crisfield, *Non-linear Finite Element Analysis of Solids and Structures*, vol. 1
 //! (1991), chapter 3.
 use braid_ecs::prelude::*;
+use braid_ecs::scene::units::{Force, Length};
 
 /// Registers the truss.
 pub fn plugin(sim: &mut Simulation) {
@@ -38,10 +39,10 @@ pub struct TrussSpec {
     pub section: String,
     /// Rest length of every element (length); by default the initial distance of its nodes.
     #[serde(default)]
-    pub rest_length: Option<f64>,
+    pub rest_length: Option<Length>,
     /// Initial tension (force), instead of a rest length.
     #[serde(default)]
-    pub tension: Option<f64>,
+    pub tension: Option<Force>,
 }
 
 impl Truss {
@@ -67,14 +68,15 @@ impl Element<2> for Truss {
         if spec.rest_length.is_some() && spec.tension.is_some() {
             return Err(SpecError::new("tension", "give either `rest_length` or `tension`, not both"));
         }
-        if let Some(l) = spec.rest_length
+        let (rest_length, tension) = (spec.rest_length.map(f64::from), spec.tension.map(f64::from));
+        if let Some(l) = rest_length
             && !(l > 0.0 && l.is_finite())
         {
             return Err(SpecError::new("rest_length", format!("rest_length must be positive, {l} given")));
         }
         for pair in spec.nodes.windows(2) {
             let length = (build.model.nodes[pair[1].row()].position - build.model.nodes[pair[0].row()].position).length();
-            let rest = match (spec.rest_length, spec.tension) {
+            let rest = match (rest_length, tension) {
                 (Some(l), _) => l,
                 (None, Some(n)) if n > -section.ea && n.is_finite() => length / (1.0 + n / section.ea),
                 (None, Some(n)) => {

@@ -91,11 +91,153 @@ fn the_resolved_scene_reads_back_as_itself() {
     }
 }
 
+/// Runs a scene of the folder to its end and compares its probes with what it expects.
+fn meets_its_expectations(name: &str) {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let mut sim = Simulation::new(default_plugins);
+    let loaded = scene::load(&file, &[], &sim.registry).unwrap_or_else(|e| panic!("{e}"));
+    assert!(!loaded.scene.expect.is_empty(), "{name} expects something");
+    sim.build(&loaded.model).unwrap_or_else(|e| panic!("{name}: {e}"));
+    run::run(&mut sim, &loaded.model, f64::INFINITY, &mut Blind).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let mut wrong = Vec::new();
+    for (probe, expected) in &loaded.scene.expect {
+        let value = loaded.probes.iter().find(|(n, _)| n == probe).expect("expected values belong to probes").1.evaluate(&mut sim.world);
+        let allowed = expected.rel.map_or(0.0, |r| r.0 * expected.value.0.abs()).max(expected.abs.map_or(0.0, |a| a.0));
+        let error = (value - expected.value.0).abs();
+        if error.is_nan() || error > allowed {
+            wrong.push(format!("{name}, {probe}: {value:e}, expected {:e} within {allowed:e} ({})", expected.value.0, expected.source));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
-fn the_cantilever_scene_ends_on_the_elastica() {
-    let loaded = load(include_str!("../scenes/cantilever.ron"), &[]).expect("valid");
-    let (mut sim, _) = run_scene(&loaded.model);
-    let tip = position(&mut sim, loaded.model.node_names["strip.0.end"]);
-    // Bisshopp and Drucker 1945; 20 elements are within 0.3 %.
-    assert!(((1.0 - tip.x / 100.0) / 0.38762836 - 1.0).abs() < 3e-3 && (tip.y / 100.0 / 0.71379152 - 1.0).abs() < 3e-3, "{tip}");
+fn cantilever_ends_on_the_elastica() {
+    meets_its_expectations("cantilever.ron");
+}
+
+#[test]
+fn crossed_wires_carry_the_press_and_the_friction() {
+    meets_its_expectations("two_filaments.ron");
+}
+
+#[test]
+fn strand_carries_what_its_wires_do() {
+    meets_its_expectations("strand_1x7.ron");
+}
+
+#[test]
+fn lattice_is_isotropic_with_a_third() {
+    meets_its_expectations("lattice_pbc.ron");
+}
+
+#[test]
+fn braid_scenes_start_without_overlap_and_know_their_time() {
+    for (name, filaments) in
+        [("truss7", 84), ("beam7", 84), ("embedded7", 84), ("embedded7_sum", 84), ("embedded19_sum", 228), ("reference100", 1200)]
+    {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
+        let mut sim = Simulation::new(default_plugins);
+        let loaded = scene::load(&file, &[], &sim.registry).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.model.filaments.len(), filaments, "{name}");
+        // tF = sqrt(M x 1.5 mm / 1 mN): M = 1200 pi (2.5 um)^2 x 2.58e-9 x 3.836 mm = 2.332e-10 tonne.
+        let Damping::Mass(alpha) = loaded.model.integration.damping else { panic!("{name} is damped") };
+        assert!((alpha * 5.914e-4 - 1.0).abs() < 3e-3, "{name}: {alpha}");
+        let steady = loaded.model.stop.steady.as_ref().expect("braids stop when they are at rest");
+        assert_eq!((steady.interval * alpha, steady.repeats, steady.change), (1.0, 3, 2e-4), "{name}");
+        assert!((steady.earliest * alpha - 12.0).abs() < 1e-12);
+        sim.build(&loaded.model).unwrap_or_else(|e| panic!("{name}: {e}"));
+        run::start(&mut sim, &loaded.model).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let again = load(&loaded.resolved(), &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(again.resolved(), loaded.resolved(), "{name}");
+        assert_eq!(format!("{:?}", again.model.nodes), format!("{:?}", loaded.model.nodes), "{name}");
+    }
+}
+
+#[test]
+fn braids_are_changed_from_the_command_line() {
+    let text = include_str!("../scenes/embedded7.ron");
+    let sets = [
+        ("tow.model", "Trusses"),
+        ("tow.filaments", "3"),
+        ("tow.elements", "5"),
+        ("load.force", "2 mN"),
+        ("contact.friction", "0.3"),
+        ("seed", "7"),
+    ];
+    let loaded = load(text, &sets).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((loaded.model.filaments.len(), loaded.model.filaments[0].nodes.len(), loaded.model.ties.len()), (36, 6, 0));
+    assert_eq!(loaded.model.loads[0].force, DVec3::Z * 0.002);
+    assert_eq!(loaded.scene.seed, 7);
+    let friction = |l: &LoadedScene| l.model.get::<braid_ecs::systems::surface::Mandrel>().expect("a mandrel").0.friction.map(f64::from);
+    assert_eq!(friction(&loaded), Some(0.3), "the mandrel is as rough as the filaments");
+    let near = load(text, &[("tow.filamnts", "3")]).map(|_| ()).expect_err("misspelt").to_string();
+    assert!(near.contains("`tow.filaments`"), "{near}");
+    let near = load(text, &[("contact.frction", "3")]).map(|_| ()).expect_err("misspelt").to_string();
+    assert!(near.contains("`contact.friction`"), "{near}");
+    load(text, &[("output.checkpoint", "Every(\"1 ms\")")]).unwrap_or_else(|e| panic!("{e}"));
+}
+
+#[test]
+fn the_readme_knows_every_key_and_its_scene_is_sound() {
+    let readme = include_str!("../scenes/README.md");
+    let scene = readme.split("```ron\n").nth(1).and_then(|s| s.split("```").next()).expect("a scene in the text");
+    load(scene, &[]).unwrap_or_else(|e| panic!("{e}"));
+    // Resolved scenes hold every key of what they use; keys of named entries are names.
+    let mut missing = Vec::new();
+    for text in [
+        scene,
+        include_str!("../scenes/embedded7.ron"),
+        include_str!("../scenes/strand_1x7.ron"),
+        include_str!("../scenes/lattice_pbc.ron"),
+    ] {
+        let resolved = load(text, &[]).unwrap_or_else(|e| panic!("{e}")).resolved();
+        let root = scene::spans::tree(&resolved).root.expect("a scene");
+        for path in root.paths() {
+            let key = path.rsplit('.').next().expect("a key").to_string();
+            let named = ["materials", "sections", "elements", "amplitudes", "probes", "expect", "node_names", "periodic.dummies"];
+            let is_name = named.iter().any(|n| path.strip_prefix(n).is_some_and(|rest| rest.matches('.').count() == 1));
+            if !is_name
+                && !path.contains('"')
+                && !readme.contains(&format!("`{key}`"))
+                && !readme.contains(&format!("{key}:"))
+                && !readme.contains(&format!(".{key}`"))
+            {
+                missing.push(path);
+            }
+        }
+    }
+    assert!(missing.is_empty(), "not in scenes/README.md: {missing:?}");
+}
+
+#[test]
+fn what_is_probably_not_meant_is_hinted_at() {
+    let text = r#"(
+        units: MmNTonne,
+        materials: { "steel": (E: 2e5, nu: 0.3, rho: 7.85e-9), "brass": (E: 1e5, nu: 0.3, rho: 8.5e-9) },
+        bundles: [(name: "b", radius: 0.1, length: 5, elements: 2, material: "steel")],
+        amplitudes: { "later": Ramp(rise: 1) },
+        stop: (steady: (interval: 1)),
+    )"#;
+    let hints = load(text, &[]).unwrap_or_else(|e| panic!("{e}")).hints.join("\n");
+    for part in
+        ["material `brass` is not used", "amplitude `later` is not used", "the 7 filaments do not feel each other", "without damping"]
+    {
+        assert!(hints.contains(part), "{hints}");
+    }
+    for name in ["cantilever", "two_filaments", "strand_1x7", "lattice_pbc", "embedded7"] {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
+        let loaded = scene::load(&file, &[], &Simulation::new(default_plugins).registry).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.hints, Vec::<String>::new(), "{name}");
+    }
+}
+
+#[test]
+fn a_name_that_is_given_twice_is_refused() {
+    let text = PENDULUM.replace("\"steel\": (E", "\"steel\": (E: 1, nu: 0, rho: 1), \"steel\": (E");
+    let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
+    assert!(e.starts_with("test.ron:3:51: materials.steel: an entry of this name is there already"), "{e}");
+    let text = PENDULUM.replace("stop: (time: 0.1)", "stop: (time: 0.1), stop: (steps: 1)");
+    let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
+    assert!(e.contains("field `stop` of scene is given twice"), "{e}");
 }

@@ -30,10 +30,12 @@ fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
     let mut sim = Simulation::new(plugins);
     let loaded = scene::load(&args.scene.scene, &args.scene.sets, &sim.registry)?;
     let (model, units) = (&loaded.model, loaded.scene.units);
-    sim.build(model)?;
-    run::start(&mut sim, model)?;
+    sim.build(model).and_then(|()| run::start(&mut sim, model)).map_err(|e| Failure::of_start(&loaded, e))?;
     let row = |name: &str, text: String| out(&format!("  {name:<12} {text}"));
     out(&format!("{}: the scene is sound", args.scene.scene.display()));
+    for hint in &loaded.hints {
+        out(&format!("  hint: {hint}"));
+    }
     let dummies = model.nodes.iter().filter(|n| n.dummy).count();
     let rows = sim.world.resource::<NodeRows>().len();
     row("nodes", format!("{} ({dummies} dummy, {} tied), {rows} rows", model.nodes.len(), model.ties.len()));

@@ -1,5 +1,6 @@
 //! What can go wrong, how it is said, and the exit code it gives.
 use crate::output::OutputError;
+use crate::scene::LoadedScene;
 use crate::scene::error::SceneErrors;
 use crate::simulation::SimulationError;
 use std::io::{IsTerminal, Write};
@@ -18,6 +19,14 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// A model that cannot be spawned or started, with the place in its scene.
+    pub fn of_start(loaded: &LoadedScene, error: SimulationError) -> Self {
+        match error {
+            SimulationError::Numerical { .. } => Failure::Simulation(error),
+            _ => Failure::Scene(Box::new(loaded.explain(&error))),
+        }
+    }
+
     /// The exit code; see the table of [`crate::cli`].
     pub fn exit_code(&self) -> u8 {
         match self {

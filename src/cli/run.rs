@@ -45,9 +45,8 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
     if elements(&sim, model) >= TIMED_FROM {
         timing::install(&mut sim);
     }
-    sim.build(model)?;
     // A model that cannot start leaves no folder behind.
-    run::start(&mut sim, model)?;
+    sim.build(model).and_then(|()| run::start(&mut sim, model)).map_err(|e| Failure::of_start(&loaded, e))?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("results").join(loaded.name()));
     if let Some(aside) = file::claim_folder(&folder, args.force)?
         && !args.quiet

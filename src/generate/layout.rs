@@ -1,5 +1,5 @@
 //! What the measures need to know about a generated braid.
-use super::braid::{BraidGeometry, Crossing, TowId};
+use super::geometry::{BraidGeometry, Crossing, TowId};
 use super::tow::Radii;
 use crate::components::NodeId;
 use std::ops::Range;

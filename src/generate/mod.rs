@@ -14,6 +14,7 @@ mod braid;
 mod bundle;
 mod chain;
 mod frame;
+mod geometry;
 mod layout;
 mod packing;
 mod polyline;
@@ -21,8 +22,9 @@ mod strand;
 mod tow;
 
 pub use crate::scene::units::{Angle, Length};
-pub use braid::{BraidGeometry, BraidSpec, Cell, Crossing, Hand, Pattern, TowId};
+pub use braid::{BraidSpec, Cell, Hand, Pattern};
 pub use bundle::{BundleSpec, EndCondition, bundle};
+pub use geometry::{BraidGeometry, Crossing, TowId};
 pub use layout::{BraidLayout, TowLayout};
 pub use packing::{Packing, outer_distance};
 pub use polyline::{PolylineSpec, polyline};

@@ -8,7 +8,7 @@
 //! nearest to the crossing's axis. The axis passes through the crossing along the normal of the
 //! mandrel face there, or radially.
 use super::line::{Nearest, TowLine, Trace, fitted_direction, nearest, traces};
-use super::probe::position;
+use super::reading::position;
 use super::stats::Estimate;
 use crate::generate::{BraidLayout, Crossing, TowId};
 use crate::model::Model;

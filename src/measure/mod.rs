@@ -6,15 +6,20 @@
 //! | `crossings.rs` | cell length, angle and thickness of a braid |
 //! | `topology.rs` | whether filaments have passed through each other |
 //! | `stats.rs` | means with 95 % confidence intervals |
-//! | `probe.rs` | named values of a scene |
+//! | `probe.rs`, `node_ref.rs` | named values of a scene, as it describes them |
+//! | `reading.rs` | reading them from the world |
 mod crossings;
 mod line;
+mod node_ref;
 mod probe;
+mod reading;
 mod stats;
 mod topology;
 
 pub use crossings::{BraidMeasures, CrossingMeasure, CrossingOptions, Heights, braid_measures, measure_braid, measure_crossing};
 pub use line::{TowLine, Trace, initial_traces, polyline_length, segment_distance, traces};
-pub use probe::{Component, EnergyTerm, NodeRef, Probe, ProbeSpec, Quantity, Reduce, SectionTerm, position};
+pub use node_ref::NodeRef;
+pub use probe::{Component, EnergyTerm, ProbeSpec, SectionTerm};
+pub use reading::{Probe, Quantity, Reduce, position};
 pub use stats::Estimate;
 pub use topology::{Passage, passages, signed_crossings};

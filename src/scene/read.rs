@@ -23,6 +23,8 @@ pub struct LoadedScene {
     pub model: Model,
     /// The probes, checked against the model.
     pub probes: Vec<(String, Probe)>,
+    /// What is allowed but probably not meant.
+    pub hints: Vec<String>,
     /// The text after `--set`.
     pub text: String,
     /// The file.
@@ -120,7 +122,7 @@ pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: 
             Ok(built) => {
                 let (path, mut model) = (PathBuf::from(name), built.model);
                 model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-                Ok(LoadedScene { scene, model, probes: built.probes, text: edited, path })
+                Ok(LoadedScene { scene, model, probes: built.probes, hints: built.hints, text: edited, path })
             }
             Err(problems) => fail(problems),
         };
@@ -179,6 +181,12 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
         })?,
         None => UnitSystem::MmNTonne,
     };
+    // The reader would silently keep the last of two entries of one name.
+    if let Some((path, span)) = root.repeated() {
+        let mut problem = Problem::new(path, "an entry of this name is there already");
+        problem.span = Some(span);
+        return Err(Box::new(problem));
+    }
     // Settings of plugins are read later, by their own readers.
     let own = without_settings(text, root, registry);
     let text = own.as_str();

@@ -219,6 +219,24 @@ impl Value {
         (path, v)
     }
 
+    /// The first entry of a map whose name was there before, with the path to it.
+    pub fn repeated(&self) -> Option<(Path, Range<usize>)> {
+        fn walk(v: &Value, at: &Path) -> Option<(Path, Range<usize>)> {
+            if v.bracket == Bracket::Curly {
+                let mut seen = std::collections::BTreeSet::new();
+                if let Some(again) = v.items.iter().find(|i| !seen.insert(&i.key)) {
+                    return Some((at.key(again.key.as_deref().unwrap_or_default()), again.key_span.clone()));
+                }
+            }
+            v.items.iter().enumerate().find_map(|(n, i)| match &i.key {
+                Some(k) => walk(&i.value, &at.key(k)),
+                None if v.wraps_one() => walk(&i.value, at),
+                None => walk(&i.value, &at.index(n)),
+            })
+        }
+        walk(self, &Path::default())
+    }
+
     /// All paths below this value that end in a field or key.
     pub fn paths(&self) -> Vec<String> {
         fn walk(v: &Value, at: &Path, out: &mut Vec<String>) {

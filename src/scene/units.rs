@@ -5,10 +5,16 @@
 //! and column. The unit system in force is held per thread by [`UnitSystem::while_reading`].
 //! Conversion between decimal units shifts the exponent of the number as it is written, so
 //! `"2.5 um"` is the same bits as `0.0025` in millimetres.
+mod text;
+mod vector;
+
+pub use vector::{Point, Triple, list, list_option, lists};
+
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::cell::Cell;
 use std::fmt;
+use text::{Dimension, number_length, parse_unit};
 
 /// The consistent unit system that a scene is written and computed in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -113,120 +119,6 @@ impl UnitSystem {
     }
 }
 
-/// Exponents of length, mass, time and angle.
-type Dimension = [i32; 4];
-
-/// A unit: factor x 10^decimal in SI.
-#[derive(Clone, Copy)]
-struct Unit {
-    dimension: Dimension,
-    factor: f64,
-    decimal: i32,
-}
-
-const PREFIXES: [(&str, i32); 12] = [
-    ("k", 3),
-    ("M", 6),
-    ("G", 9),
-    ("T", 12),
-    ("m", -3),
-    ("u", -6),
-    ("\u{b5}", -6),
-    ("\u{3bc}", -6),
-    ("n", -9),
-    ("c", -2),
-    ("d", -1),
-    ("p", -12),
-];
-
-/// Units that take a prefix.
-const PREFIXED: [(&str, Dimension, i32); 9] = [
-    ("m", [1, 0, 0, 0], 0),
-    ("g", [0, 1, 0, 0], -3),
-    ("s", [0, 0, 1, 0], 0),
-    ("N", [1, 1, -2, 0], 0),
-    ("Pa", [-1, 1, -2, 0], 0),
-    ("J", [2, 1, -2, 0], 0),
-    ("Hz", [0, 0, -1, 0], 0),
-    ("tex", [-1, 1, 0, 0], -6),
-    ("rad", [0, 0, 0, 1], 0),
-];
-
-/// Units without a prefix.
-const PLAIN: [(&str, Dimension, f64, i32); 8] = [
-    ("t", [0, 1, 0, 0], 1.0, 3),
-    ("tonne", [0, 1, 0, 0], 1.0, 3),
-    ("min", [0, 0, 1, 0], 60.0, 0),
-    ("h", [0, 0, 1, 0], 3600.0, 0),
-    ("deg", [0, 0, 0, 1], std::f64::consts::PI / 180.0, 0),
-    ("\u{b0}", [0, 0, 0, 1], std::f64::consts::PI / 180.0, 0),
-    ("rev", [0, 0, 0, 1], std::f64::consts::TAU, 0),
-    ("%", [0, 0, 0, 0], 1.0, -2),
-];
-
-fn unit_named(name: &str) -> Option<Unit> {
-    if let Some((_, dimension, factor, decimal)) = PLAIN.iter().find(|u| u.0 == name) {
-        return Some(Unit { dimension: *dimension, factor: *factor, decimal: *decimal });
-    }
-    let prefixed = |word: &str, shift: i32| {
-        let (_, dimension, decimal) = PREFIXED.iter().find(|u| u.0 == word)?;
-        Some(Unit { dimension: *dimension, factor: 1.0, decimal: decimal + shift })
-    };
-    prefixed(name, 0)
-        .or_else(|| PREFIXES.iter().find_map(|(prefix, shift)| name.strip_prefix(prefix).and_then(|rest| prefixed(rest, *shift))))
-}
-
-/// Reads `g/cm^3`, `N mm2`, `1/s`, `kg*m^2`.
-fn parse_unit(text: &str) -> Result<Unit, String> {
-    let mut total = Unit { dimension: [0; 4], factor: 1.0, decimal: 0 };
-    let mut sign = 1;
-    let mut rest = text.trim();
-    while !rest.is_empty() {
-        if let Some(r) = rest.strip_prefix('/') {
-            sign = -1;
-            rest = r.trim_start();
-        } else if let Some(r) = rest.strip_prefix(['*', '.', '\u{b7}']) {
-            rest = r.trim_start();
-        }
-        let end = rest
-            .find(|c: char| c.is_ascii_digit() || matches!(c, '/' | '*' | '.' | '^' | '-' | '\u{b7}') || c.is_whitespace())
-            .unwrap_or(rest.len());
-        let (name, mut after) = rest.split_at(end);
-        let caret = after.strip_prefix('^');
-        let digits = caret.unwrap_or(after);
-        let len =
-            digits.char_indices().take_while(|(i, c)| c.is_ascii_digit() || (*i == 0 && *c == '-')).map(|(i, _)| i + 1).last().unwrap_or(0);
-        let power = if len == 0 {
-            if caret.is_some() {
-                return Err(format!("no power after `^` in the unit `{text}`"));
-            }
-            1
-        } else {
-            after = &digits[len..];
-            digits[..len].parse::<i32>().ok().filter(|p| p.abs() <= 12).ok_or_else(|| format!("odd power in the unit `{text}`"))?
-        };
-        if name.is_empty() {
-            // Only the one of `1/s` is a number in a unit.
-            if power != 1 || len == 0 || caret.is_some() {
-                return Err(format!("cannot read the unit `{text}`"));
-            }
-        } else {
-            let unit = unit_named(name).ok_or_else(|| {
-                format!("unknown unit `{name}`; known are m, g, s, N, Pa, J, Hz, tex, rad with prefixes (mm, kg, mN, GPa ...), t, tonne, min, h, deg, rev, %")
-            })?;
-            let p = power * sign;
-            for (t, u) in total.dimension.iter_mut().zip(unit.dimension) {
-                *t += p * u;
-            }
-            total.factor *= unit.factor.powi(p);
-            total.decimal += p * unit.decimal;
-        }
-        // A blank or a product sign keeps the sign of a denominator: N/mm^2 s is N/(mm^2 s).
-        rest = after.trim_start();
-    }
-    Ok(total)
-}
-
 /// What one kind of quantity is, for reading and for messages.
 struct Kind {
     name: &'static str,
@@ -244,7 +136,7 @@ impl Kind {
         if value.is_finite() { Ok(value) } else { Err(format!("{} must be a finite number, not {written}", self.name)) }
     }
 
-    fn from_number(&self, value: f64) -> Result<f64, String> {
+    fn of_number(&self, value: f64) -> Result<f64, String> {
         let written = if value.is_nan() {
             "NaN"
         } else if value > 0.0 {
@@ -255,7 +147,7 @@ impl Kind {
         self.finite(value, written).map(|v| v * self.plain_factor())
     }
 
-    fn from_text(&self, text: &str, system: UnitSystem) -> Result<f64, String> {
+    fn of_text(&self, text: &str, system: UnitSystem) -> Result<f64, String> {
         let text = text.trim();
         let end = number_length(text);
         let (number, unit_text) = (&text[..end], text[end..].trim());
@@ -268,7 +160,7 @@ impl Kind {
         };
         self.finite(plain, &format!("`{number}`"))?;
         if unit_text.is_empty() {
-            return self.from_number(plain);
+            return self.of_number(plain);
         }
         let unit = parse_unit(unit_text)?;
         // An angle has no dimension: rad may be written or left out of anything but an angle.
@@ -302,21 +194,6 @@ impl Kind {
     }
 }
 
-/// Length of the number at the start of `text`.
-fn number_length(text: &str) -> usize {
-    let bytes = text.as_bytes();
-    let digits = |from: usize| from + bytes[from..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
-    let sign = usize::from(matches!(bytes.first(), Some(b'+' | b'-')));
-    let end = digits(sign);
-    if matches!(bytes.get(end), Some(b'e' | b'E')) {
-        let from = end + 1 + usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
-        if matches!(bytes.get(from), Some(b) if b.is_ascii_digit()) {
-            return digits(from);
-        }
-    }
-    end
-}
-
 struct QuantityVisitor<'a>(&'a Kind);
 
 impl Visitor<'_> for QuantityVisitor<'_> {
@@ -325,7 +202,7 @@ impl Visitor<'_> for QuantityVisitor<'_> {
         write!(f, "{} (a number in scene units or a string such as {})", self.0.name, self.0.example)
     }
     fn visit_f64<E: de::Error>(self, v: f64) -> Result<f64, E> {
-        self.0.from_number(v).map_err(E::custom)
+        self.0.of_number(v).map_err(E::custom)
     }
     fn visit_i64<E: de::Error>(self, v: i64) -> Result<f64, E> {
         self.visit_f64(v as f64)
@@ -334,7 +211,7 @@ impl Visitor<'_> for QuantityVisitor<'_> {
         self.visit_f64(v as f64)
     }
     fn visit_str<E: de::Error>(self, v: &str) -> Result<f64, E> {
-        self.0.from_text(v, UnitSystem::current()).map_err(E::custom)
+        self.0.of_text(v, UnitSystem::current()).map_err(E::custom)
     }
 }
 
@@ -434,140 +311,12 @@ quantities! {
     Energy, "an energy", [2, 1, -2, 0], "\"1 nJ\"";
 }
 
-/// Three components in square brackets, `[x, y, z]`.
+/// `#[serde(deserialize_with = "finite")]` for a plain number that must be finite.
 ///
-/// RON writes arrays of a fixed length as tuples, in round brackets; in a scene every vector is a list.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Triple<T>(pub [T; 3]);
-
-/// A point: three lengths.
-pub type Point = Triple<Length>;
-
-impl<T> std::ops::Deref for Triple<T> {
-    type Target = [T; 3];
-    fn deref(&self) -> &[T; 3] {
-        &self.0
-    }
-}
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Triple<T> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        list::deserialize(deserializer).map(Triple)
-    }
-}
-
-impl<T: Serialize> Serialize for Triple<T> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        list::serialize(&self.0, serializer)
-    }
-}
-
-impl<T: Copy + Into<f64>> From<Triple<T>> for glam::DVec3 {
-    fn from(t: Triple<T>) -> Self {
-        glam::DVec3::from_array(t.0.map(Into::into))
-    }
-}
-
-/// `#[serde(with = "list")]` for a `[T; N]` that is written in square brackets.
-pub mod list {
-    use super::*;
-
-    struct V<T, const N: usize>(std::marker::PhantomData<T>);
-
-    impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for V<T, N> {
-        type Value = [T; N];
-        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-            write!(f, "a list of {N}")
-        }
-        fn visit_seq<A: de::SeqAccess<'de>>(self, mut items: A) -> Result<[T; N], A::Error> {
-            let mut read = Vec::with_capacity(N);
-            while read.len() < N {
-                match items.next_element()? {
-                    Some(item) => read.push(item),
-                    None => return Err(de::Error::custom(format!("a list of {N} is needed, {} given", read.len()))),
-                }
-            }
-            if items.next_element::<de::IgnoredAny>()?.is_some() {
-                return Err(de::Error::custom(format!("a list of {N} is needed, more given")));
-            }
-            Ok(read.try_into().unwrap_or_else(|_| unreachable!("{N} items were read")))
-        }
-    }
-
-    /// Reads a list of N.
-    ///
-    /// # Errors
-    /// Anything but a list of N.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<[T; N], D::Error> {
-        deserializer.deserialize_any(V(std::marker::PhantomData))
-    }
-
-    /// Writes a list.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize, const N: usize>(value: &[T; N], serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(value)
-    }
-}
-
-/// An array in square brackets, for use inside other types.
-struct List<T, const N: usize>([T; N]);
-
-impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        list::deserialize(deserializer).map(List)
-    }
-}
-
-impl<T: Serialize, const N: usize> Serialize for List<T, N> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        list::serialize(&self.0, serializer)
-    }
-}
-
-/// `#[serde(with = "lists")]` for a list of `[T; N]`.
-pub mod lists {
-    use super::*;
-
-    /// Reads a list of lists of N.
-    ///
-    /// # Errors
-    /// An entry that is not a list of N.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(deserializer: D) -> Result<Vec<[T; N]>, D::Error> {
-        Vec::<List<T, N>>::deserialize(deserializer).map(|v| v.into_iter().map(|t| t.0).collect())
-    }
-
-    /// Writes a list of lists.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize + Copy, const N: usize>(value: &[[T; N]], serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(value.iter().map(|t| List(*t)))
-    }
-}
-
-/// `#[serde(with = "list_option")]` for an optional `[T; N]`.
-pub mod list_option {
-    use super::*;
-
-    /// Reads a list of N if there is one.
-    ///
-    /// # Errors
-    /// Anything but a list of N.
-    pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
-        deserializer: D,
-    ) -> Result<Option<[T; N]>, D::Error> {
-        Option::<List<T, N>>::deserialize(deserializer).map(|t| t.map(|t| t.0))
-    }
-
-    /// Writes a list if there is one.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer, T: Serialize + Copy, const N: usize>(value: &Option<[T; N]>, serializer: S) -> Result<S::Ok, S::Error> {
-        value.map(List).serialize(serializer)
-    }
+/// # Errors
+/// NaN and infinite numbers.
+pub fn finite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ratio::deserialize(deserializer).map(f64::from)
 }
 
 #[cfg(test)]

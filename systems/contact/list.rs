@@ -38,8 +38,7 @@ pub fn excluded(lines: &Lines, c: Candidate) -> bool {
     let reach = std::f64::consts::FRAC_PI_2 * (sa.radius + sb.radius);
     for side in 0..2 {
         let (mut at, mut image, mut gone) = (c.a, lines.images.zero(), 0.0);
-        loop {
-            let Some((to, step)) = lines.links[at as usize][side] else { break };
+        while let Some((to, step)) = lines.links[at as usize][side] {
             let Some(sum) = lines.images.sum(image, step) else { break };
             (at, image) = (to, sum);
             if (at, image) == (c.b, c.image) {

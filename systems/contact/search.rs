@@ -98,14 +98,14 @@ impl Search {
         let used = farthest.sqrt() + 0.5 * period.sqrt();
         self.budget = 0.5 * self.skin - used;
         // A list that would be due again in the next step is made now. NaN ends up here, too.
-        !(self.budget > 0.02 * self.skin)
+        self.budget.is_nan() || self.budget <= 0.02 * self.skin
     }
 
     /// All pairs of segments closer than the skin, sorted; `excluded` says which may never touch.
     pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool, out: &mut Vec<Candidate>) {
         out.clear();
         self.measure_bulges(lines, now);
-        let fresh = self.rebuilds % REBUILD_TREE == 0;
+        let fresh = self.rebuilds.is_multiple_of(REBUILD_TREE);
         if fresh {
             self.leaves.clear();
             self.leaves.extend(lines.segments());

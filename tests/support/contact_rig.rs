@@ -1,4 +1,6 @@
 //! Contact without an engine: filaments at given places, and the forces on their nodes.
+// Every test file takes what it needs.
+#![allow(dead_code)]
 use braid_ecs::prelude::*;
 use braid_ecs::systems::contact::assemble::*;
 use braid_ecs::systems::contact::kernel::*;

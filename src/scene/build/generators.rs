@@ -8,6 +8,9 @@ use crate::scene::schema::Scene;
 use crate::scene::spans::{Path, Step};
 use std::collections::BTreeSet;
 
+/// Most elements of one generated structure.
+const LARGEST: u128 = 50_000_000;
+
 /// Nodes up to which every node gets a name.
 const NAMED: usize = 2000;
 
@@ -16,14 +19,23 @@ impl Builder<'_> {
         self.add_braid(scene);
         let (seed, registry) = (scene.seed, self.registry);
         for (i, spec) in scene.bundles.iter().enumerate() {
+            if !self.affordable(&at("bundles").index(i), &[spec.filaments, spec.elements]) {
+                continue;
+            }
             let made = self.with_build(|b| generate::bundle(spec, seed, registry, b));
             self.generated(at("bundles").index(i), &spec.name, made);
         }
         for (i, spec) in scene.strands.iter().enumerate() {
+            if !self.affordable(&at("strands").index(i), &[spec.wires, spec.elements]) {
+                continue;
+            }
             let made = self.with_build(|b| generate::strand(spec, registry, b));
             self.generated(at("strands").index(i), &spec.name, made);
         }
         for (i, spec) in scene.polylines.iter().enumerate() {
+            if !self.affordable(&at("polylines").index(i), &[spec.points.len(), spec.subdivisions]) {
+                continue;
+            }
             let made = self.with_build(|b| generate::polyline(spec, registry, b));
             self.generated(at("polylines").index(i), &spec.name, made);
         }
@@ -43,6 +55,9 @@ impl Builder<'_> {
                 return;
             }
         };
+        if !self.affordable(&at("tow"), &[braid.tows, tow.filaments, tow.elements]) {
+            return;
+        }
         let (seed, registry, first) = (scene.seed, self.registry, self.model.filaments.len());
         let made = self.with_build(|b| generate::braid(braid, tow, seed, registry, b));
         let Some(layout) = self.noted(&Path::default(), made) else { return };
@@ -52,6 +67,16 @@ impl Builder<'_> {
         }
         self.sources.push((at("braid"), first..self.model.filaments.len()));
         self.braid = Some(layout);
+    }
+
+    /// Refuses structures that would fill the memory before anything else could be said about them.
+    fn affordable(&mut self, path: &Path, numbers: &[usize]) -> bool {
+        let nodes = numbers.iter().fold(1u128, |n, k| n.saturating_mul(*k as u128));
+        if nodes > LARGEST {
+            let product = numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ");
+            self.problem(path.clone(), format!("the structure is too large: {product} elements, and {LARGEST} are the most"));
+        }
+        nodes <= LARGEST
     }
 
     /// Names the nodes of what the entry at `path` has made. Generators call their own entry by the

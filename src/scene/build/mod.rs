@@ -3,6 +3,7 @@
 mod check;
 mod elements;
 mod generators;
+mod hints;
 mod loads;
 mod material;
 mod run;
@@ -57,13 +58,18 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         b.add_settings(scene);
     }
     let probes = b.probes(scene);
-    if b.problems.is_empty() { Ok(Built { model: b.model, probes }) } else { Err(b.problems) }
+    if !b.problems.is_empty() {
+        return Err(b.problems);
+    }
+    let hints = b.hints(scene);
+    Ok(Built { model: b.model, probes, hints })
 }
 
 /// A model with the probes of its scene.
 pub(super) struct Built {
     pub model: Model,
     pub probes: Vec<(String, Probe)>,
+    pub hints: Vec<String>,
 }
 
 /// The model under construction, with what names mean.

@@ -143,8 +143,7 @@ impl Builder<'_> {
         let place = |n: NodeId| self.model.nodes[n.row()].position;
         let wanted = place(node) + dummies.iter().map(|d| place(*d)).sum::<DVec3>();
         let distance = (place(image) - wanted).length();
-        // Written so that NaN is refused.
-        if !(distance <= tolerance) {
+        if distance > tolerance {
             let (a, b) = (self.name_of(node), self.name_of(image));
             let message = format!(
                 "periodic pair does not match: node {b} should be at [{}, {}, {}], the period away from node {a}, and is {distance:.3e} away from there",

@@ -9,7 +9,7 @@ use crate::scene::LoadedScene;
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
 use crate::systems::surface::shape::{Section, Shape};
-use crate::systems::surface::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces};
+use crate::systems::surface::{Mandrel, SurfaceSpec, Surfaces};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
@@ -86,14 +86,42 @@ fn surface_specs(model: &Model) -> Vec<SurfaceSpec> {
     mandrel.into_iter().chain(model.get::<Surfaces>().cloned().unwrap_or_default().0).collect()
 }
 
-/// From where the heights of a braid are measured: the faces of a square mandrel along z, else the axis.
+/// From where the heights of a braid are measured: the faces of a prism along z, else the axis.
 fn heights(model: &Model) -> Heights {
-    let Some(first) = surface_specs(model).into_iter().next() else { return Heights::Radial };
-    let along_z = DVec3::from_array(first.axis).cross(DVec3::Z) == DVec3::ZERO;
-    match first.shape {
-        ShapeSpec::Square { side, .. } if along_z => Heights::square(side.0, first.turn.0),
+    let first = surface_specs(model).into_iter().next();
+    let Some(shape) = first.and_then(|spec| Shape::new(&spec).ok()) else { return Heights::Radial };
+    let along_z = shape.frame.z_axis.cross(DVec3::Z) == DVec3::ZERO;
+    match &shape.section {
+        Section::Polygon(corners, edge) if along_z => {
+            let face = |(i, c): (usize, &DVec2)| {
+                let n = outward(*c, corners[(i + 1) % corners.len()]);
+                let normal = shape.lift(n);
+                (normal, n.dot(*c) + edge + normal.dot(shape.origin))
+            };
+            Heights::Faces(corners.iter().enumerate().map(face).collect())
+        }
         _ => Heights::Radial,
     }
+}
+
+/// Outward normal of the side from `a` to `b` of a figure whose corners run counter-clockwise.
+fn outward(a: DVec2, b: DVec2) -> DVec2 {
+    -(b - a).normalize_or_zero().perp()
+}
+
+/// Corners of a polygon grown by an edge radius, the round edges in steps.
+fn grown(corners: &[DVec2], edge: f64) -> Vec<DVec2> {
+    const STEPS: usize = 8;
+    if edge == 0.0 {
+        return corners.to_vec();
+    }
+    let n = corners.len();
+    let arc = |i: usize| {
+        let (a, b, c) = (corners[(i + n - 1) % n], corners[i], corners[(i + 1) % n]);
+        let (from, to) = (outward(a, b), outward(b, c));
+        (0..=STEPS).map(move |k| b + edge * DVec2::from_angle(from.angle_to(to) * k as f64 / STEPS as f64).rotate(from))
+    };
+    (0..n).flat_map(arc).collect()
 }
 
 /// Probes of a scene.
@@ -111,13 +139,47 @@ pub fn surfaces(model: &Model) -> Vec<Surface> {
             Some(match &shape.section {
                 Section::HalfPlane => Surface::Plane { point: shape.origin, normal: shape.frame.x_axis },
                 Section::Circle(radius) => Surface::Cylinder { centre: shape.origin, axis, radius: *radius },
-                // Pictures show the sharp figure around a rounded one.
                 Section::Polygon(corners, edge) => {
-                    let centre = corners.iter().sum::<DVec2>() / corners.len() as f64;
-                    let grow = |c: &DVec2| *c + (*c - centre).normalize_or_zero() * *edge;
-                    Surface::Prism { axis, corners: corners.iter().map(|c| shape.origin + shape.lift(grow(c))).collect() }
+                    Surface::Prism { axis, corners: grown(corners, *edge).into_iter().map(|c| shape.origin + shape.lift(c)).collect() }
                 }
             })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_edges_keep_the_size_of_the_figure() {
+        // A square of side 2 with edges of radius 0.25: corner centres at 0.75.
+        let c = [(0.75, -0.75), (0.75, 0.75), (-0.75, 0.75), (-0.75, -0.75)].map(|(x, y)| DVec2::new(x, y));
+        assert_eq!(grown(&c, 0.0), c);
+        let round = grown(&c, 0.25);
+        let far = |d: DVec2| round.iter().map(|p| p.dot(d)).fold(f64::NEG_INFINITY, f64::max);
+        for d in [DVec2::X, DVec2::Y, -DVec2::X, -DVec2::Y] {
+            assert!((far(d) - 1.0).abs() < 1e-12);
+        }
+        assert!((far(DVec2::ONE.normalize()) - (0.75 * std::f64::consts::SQRT_2 + 0.25)).abs() < 1e-12);
+        // Still convex and counter-clockwise.
+        let n = round.len();
+        assert!((0..n).all(|i| (round[(i + 1) % n] - round[i]).perp_dot(round[(i + 2) % n] - round[(i + 1) % n]) > -1e-12));
+    }
+
+    #[test]
+    fn heights_are_counted_from_the_faces_of_the_mandrel() {
+        use crate::scene::units::{Angle, Length};
+        use crate::systems::surface::ShapeSpec;
+        let mut model = Model::new("a");
+        assert_eq!(heights(&model), Heights::Radial);
+        let mut spec = SurfaceSpec::new(ShapeSpec::Square { side: Length(2.0), edge_radius: Length(0.25) });
+        spec.turn = Angle(0.3);
+        model.insert(Mandrel(spec));
+        let (Heights::Faces(found), Heights::Faces(expected)) = (heights(&model), Heights::square(2.0, 0.3)) else { panic!("faces") };
+        assert_eq!(found.len(), 4);
+        for (n, d) in expected {
+            assert!(found.iter().any(|f| (f.0 - n).length() < 1e-12 && (f.1 - d).abs() < 1e-12), "{n} {d} in {found:?}");
+        }
+    }
 }

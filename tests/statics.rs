@@ -183,8 +183,10 @@ fn a_prescribed_motion_does_the_work_that_the_bar_stores() {
         m.stop.time = Some(25.0);
         let (mut sim, _) = simulate(&m);
         let ledger = *sim.world.resource::<EnergyLedger>();
-        // EA u^2 / 2 L
-        assert!((ledger.external_work - 0.5 * 100.0 * 0.25 / 5.0).abs() < 1e-3, "{axial:?} {ledger:?}");
+        // EA u^2 / 2 L, and what the implicit scheme dissipates on the way: it acts like a viscosity EA dt / L.
+        let stored = 0.5 * 100.0 * 0.25 / 5.0;
+        assert!((ledger.external_work - ledger.axial - stored).abs() < 1e-3, "{axial:?} {ledger:?}");
+        assert!((0.0..0.01 * stored).contains(&ledger.axial), "{axial:?} {ledger:?}");
         assert!(ledger.balance_error().abs() < 1e-3, "{axial:?} {ledger:?}");
         assert!((position(&mut sim, nodes[5]).x - 5.5).abs() < 1e-12);
     }

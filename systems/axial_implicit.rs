@@ -43,7 +43,11 @@ struct Bar {
     /// True if one of the ends is an image, so that its velocity has dummy terms.
     image: bool,
     t: DVec3,
-    previous_length: f64,
+    length: f64,
+    /// Rate of the length before the kick.
+    rate_before: f64,
+    /// Lengthening by transverse motion.
+    turning: f64,
     upper: f64,
     pivot: f64,
     y: f64,
@@ -69,21 +73,28 @@ struct AxialChain {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct AxialChains {
     chains: Vec<AxialChain>,
-    /// Work that the motion has done on the bars (force x length).
+    /// Work that the motion has done on the bars, and the last kick's part of it (force x length).
     work: f64,
+    last: f64,
     /// Number of springs left to the explicit scheme.
     explicit: usize,
     border: Vec<f64>,
+    /// Longest time step that the scheme is trusted with (time).
+    pub longest_step: f64,
 }
+
+/// Longest step in stable steps of the explicit scheme: a bar that is hit while it swings farther
+/// in one step is stretched by the swing, and the wave that this starts is lost in the damping.
+const LONGEST: f64 = 20.0;
 
 impl AxialChains {
     /// Number of bars in chains, and of springs that stay explicit.
     pub fn counts(&self) -> (usize, usize) {
         (self.chains.iter().map(|c| c.bars.len()).sum(), self.explicit)
     }
-    /// Work of the motion on the bars so far (force x length).
+    /// Work of the motion on the bars so far: half of the last kick lies before the current time (force x length).
     pub fn work(&self) -> f64 {
-        self.work
+        self.work - 0.5 * self.last
     }
 }
 
@@ -126,8 +137,13 @@ fn install(cx: &mut Install<'_>) {
         .map(|b| (AxialBar { rows: b.rows, rest_length: b.rest_length, ea: b.ea }, Tension(0.0)))
         .collect();
     cx.world.spawn_batch(entities);
+    let stored = strain_energy(cx.world);
     let members = cx.world.get_resource::<Constraints>().map_or(0, |c| c.border_len());
-    cx.world.insert_resource(AxialChains { chains: built.chains, work: 0.0, explicit, border: vec![0.0; members] });
+    let light: Vec<f64> = cx.world.query::<&InverseMass>().iter(cx.world).map(|w| w.0.max_element()).collect();
+    let frequency2 = |b: &Bar| 4.0 * b.ea / b.rest_length * light[b.carriers[0] as usize].max(light[b.carriers[1] as usize]);
+    let fastest = built.chains.iter().flat_map(|c| &c.bars).map(frequency2).fold(0.0, f64::max);
+    let longest_step = if fastest > 0.0 { LONGEST * 2.0 / fastest.sqrt() } else { f64::INFINITY };
+    cx.world.insert_resource(AxialChains { chains: built.chains, work: stored, last: 0.0, explicit, border: vec![0.0; members], longest_step });
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
         name: "axial bar",
         count: 0,
@@ -274,7 +290,11 @@ fn couple(chain: &mut AxialChain, constraints: &Constraints) {
 #[derive(Clone, Copy)]
 struct Step {
     dt: f64,
+    /// Kick with what the mass damping leaves of it.
     kick: f64,
+    whole_kick: f64,
+    /// What the mass damping leaves of the velocity before.
+    keep: f64,
 }
 
 type BarQuery = (&'static AxialBar, &'static mut Tension);
@@ -290,8 +310,9 @@ fn solve_tensions(
 ) {
     let (x, mut v, mut f, w) = columns(&mut nodes);
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
-    let step = Step { dt: clock.dt_next, kick: clock.kick() / (1.0 + 0.5 * damping.0 * clock.kick()) };
-    let AxialChains { chains, border, work, .. } = &mut *axial;
+    let h = 0.5 * damping.0 * clock.kick();
+    let step = Step { dt: clock.dt_next, kick: clock.kick() / (1.0 + h), whole_kick: clock.kick(), keep: (1.0 - h) / (1.0 + h) };
+    let AxialChains { chains, border, work, last, .. } = &mut *axial;
     let constraints = &mut *constraints;
 
     let solve = |c: &mut AxialChain| c.solve(step, (x, &*v, &*f, w), constraints);
@@ -305,9 +326,10 @@ fn solve_tensions(
     }
     let mut tension = columns(&mut bars).1;
     let mut out = tension.bypass_change_detection().iter_mut();
+    *last = 0.0;
     for chain in chains.iter_mut() {
         chain.finish(step, border);
-        *work += chain.work;
+        *last += chain.work;
         for b in &chain.bars {
             out.next().expect("one entity per bar").0 = b.tension;
             let pull = b.t * b.tension;
@@ -321,6 +343,7 @@ fn solve_tensions(
             }
         }
     }
+    *work += *last;
     // The border moves, and with it what hangs on it; the forces stay effective (force x inverse mass).
     for (j, beta) in border.iter().enumerate() {
         let (row, axis) = constraints.border_dof(j);
@@ -422,10 +445,12 @@ impl AxialChain {
             let before = dv - (kb - ka);
             let across = before - b.t * b.t.dot(before);
             let across = across.length_squared();
-            b.y = l - b.rest_length + step.dt * (rate + 0.5 * step.dt * across / l);
+            b.rate_before = b.t.dot(before) / step.keep;
+            b.turning = 0.5 * step.dt * step.dt * across / l;
+            b.y = l - b.rest_length + step.dt * rate + b.turning;
             let wt = (w[b.carriers[0] as usize].0 + w[b.carriers[1] as usize].0) * b.t;
             b.pivot = b.rest_length / b.ea + h2 * b.t.dot(wt);
-            b.tension = l;
+            b.length = l;
         }
         let n = self.bars.len();
         for i in 0..n {
@@ -496,8 +521,8 @@ impl AxialChain {
         }
     }
 
-    /// Tensions with the border's motion, and the work of the motion on the bars: the stretch over
-    /// the kick is half of the way from the length one step before to the one after.
+    /// Tensions with the border's motion, and the work of the motion on the bars: the kick takes just
+    /// this out of the kinetic energy.
     fn finish(&mut self, step: Step, border: &[f64]) {
         for (j, column) in &self.solved {
             let push = step.dt * border[*j];
@@ -507,17 +532,10 @@ impl AxialChain {
         }
         self.work = 0.0;
         for b in &mut self.bars {
-            let now = b.tension;
             b.tension = b.y;
             let after = b.rest_length * (1.0 + b.tension / b.ea);
-            if b.previous_length > 0.0 {
-                self.work += 0.5 * b.tension * (after - b.previous_length);
-            } else {
-                self.work += 0.5 * b.tension * (after - now);
-                // Energy that the bars hold at the start.
-                self.work += 0.5 * b.ea / b.rest_length * (now - b.rest_length).powi(2);
-            }
-            b.previous_length = now;
+            let rate_after = (after - b.length - b.turning) / step.dt;
+            self.work += 0.5 * b.tension * (b.rate_before + rate_after) * step.whole_kick;
         }
     }
 }

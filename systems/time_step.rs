@@ -5,6 +5,7 @@
 //! discs of M^-1 K; T. Belytschko, W. K. Liu, B. Moran, *Nonlinear Finite Elements for Continua and
 //! Structures* (2000), section 6.2), also after constraints are eliminated. A uniform chain of
 //! bars meets the bound exactly: dt = l / c.
+use crate::systems::axial_implicit::AxialChains;
 use braid_ecs::prelude::*;
 
 /// Registers the time-step monitor.
@@ -82,10 +83,14 @@ pub fn stable_limit(world: &mut World) -> (f64, String) {
             worst = (rotation / j, row, true);
         }
     }
-    if worst.0 == 0.0 {
+    let longest = world.get_resource::<AxialChains>().map_or(f64::INFINITY, |c| c.longest_step);
+    let (omega2, row, rotates) = worst;
+    if omega2 * longest * longest < 4.0 {
+        return (longest, "the implicit axial scheme".into());
+    }
+    if omega2 == 0.0 {
         return (f64::INFINITY, "nothing".into());
     }
-    let (omega2, row, rotates) = worst;
     let share = |p: &StiffnessBound| if rotates { p.rotation } else { p.translation };
     let name = parts.iter().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str());
     let id = world.resource::<NodeRows>().id(row);

@@ -5,12 +5,14 @@
 //! do not depend on the number of threads. A force on the image of a segment also pulls on the
 //! dummy nodes that carry the period.
 use super::curve::{Range, weights};
-use super::kernel::{Contact, Penalty, line_contact, point_contact};
+use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
+use super::lane::Lane;
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use rayon::prelude::*;
+use wide::f64x4;
 
 /// Records per parallel chunk.
 const CHUNK: usize = 512;
@@ -65,7 +67,8 @@ fn by_chunks<A: Sync, B: Send, C: Send>(
 
 /// One line record, with all that can be said about it.
 pub fn of_line(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &LineRecord, state: &LineState) -> Contact<f64> {
-    line_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
+    let (record, state) = (std::slice::from_ref(record), std::slice::from_ref(state));
+    line_contact(penalty, lines, now, record, state, &beside(lines, now, record, state))
 }
 
 /// One point record, with all that can be said about it.
@@ -73,7 +76,7 @@ pub fn of_point(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &Po
     point_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
 }
 
-/// Forces of all line records.
+/// Forces of all line records, four at a time.
 pub fn evaluate_lines(
     penalty: &Penalty,
     lines: &Lines,
@@ -84,21 +87,53 @@ pub fn evaluate_lines(
 ) -> Totals {
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
-        for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c = of_line(penalty, lines, now, record, state);
-            let r = &c.response;
-            if penalty.keep < 1.0 {
-                sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
-            }
-            *state = LineState { t: c.t[1], slip: r.slip.lane(0), offset: c.offset };
-            *force = LineForce([r.force.x, r.force.y, r.force.z, c.t[1]]);
-            sum.friction += r.friction;
-            sum.damping += r.damping;
-            sum.strayed |= strayed(c.t[1]);
-            sum.turned |= c.turned > 0.0;
+        let whole = records.len() / f64x4::WIDTH * f64x4::WIDTH;
+        for k in (0..whole).step_by(f64x4::WIDTH) {
+            let group = k..k + f64x4::WIDTH;
+            lines_at_once::<f64x4>(penalty, lines, now, &records[group.clone()], &mut states[group.clone()], &mut forces[group], &mut sum);
+        }
+        for k in whole..records.len() {
+            lines_at_once::<f64>(penalty, lines, now, &records[k..=k], &mut states[k..=k], &mut forces[k..=k], &mut sum);
         }
         sum
     })
+}
+
+/// Forces of `L::WIDTH` line records. Most records of a list do not touch: they only follow.
+#[inline(always)]
+fn lines_at_once<L: Lane>(
+    penalty: &Penalty,
+    lines: &Lines,
+    now: &Centrelines,
+    records: &[LineRecord],
+    states: &mut [LineState],
+    forces: &mut [LineForce],
+    sum: &mut Totals,
+) {
+    let at = beside::<L>(lines, now, records, states);
+    if !L::any(L::splat(0.0).less(at.overlap)) && states.iter().all(|s| s.damper == 0.0) {
+        for lane in 0..L::WIDTH {
+            let t = at.t.lane(lane);
+            states[lane] = LineState::at(t);
+            forces[lane] = LineForce([0.0, 0.0, 0.0, t]);
+            sum.strayed |= strayed(t);
+        }
+        return;
+    }
+    let c = line_contact(penalty, lines, now, records, states, &at);
+    let r = &c.response;
+    for lane in 0..L::WIDTH {
+        let (t, f) = (c.t[1].lane(lane), r.force.lane(lane));
+        if penalty.keep < 1.0 {
+            sum.relaxed += r.normal_force.lane(lane) * states[lane].offset * (1.0 - penalty.keep);
+        }
+        states[lane] = LineState { t, slip: r.memory.slip.lane(lane), damper: r.memory.damper.lane(lane), offset: c.offset.lane(lane) };
+        forces[lane] = LineForce([f.x, f.y, f.z, t]);
+        sum.friction += r.friction.lane(lane);
+        sum.damping += r.damping.lane(lane);
+        sum.strayed |= strayed(t);
+        sum.turned |= c.turned.lane(lane) > 0.0;
+    }
 }
 
 /// Forces of all point records.
@@ -118,7 +153,7 @@ pub fn evaluate_points(
             if penalty.keep < 1.0 {
                 sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
-            *state = PointState { t: c.t, slip: r.slip.lane(0), offset: c.offset };
+            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset };
             *force = PointForce { force: r.force.lane(0), t: c.t };
             sum.friction += r.friction;
             sum.damping += r.damping;
@@ -219,6 +254,9 @@ impl Gather {
             };
             for &k in &line_list[line_start[j] as usize..line_start[j + 1] as usize] {
                 let f = &line_forces[k as usize].0;
+                if f[0] == 0.0 && f[1] == 0.0 && f[2] == 0.0 {
+                    continue;
+                }
                 add(-DVec3::new(f[0], f[1], f[2]), f[3]);
             }
             for &k in &point_list[point_start[j] as usize..point_start[j + 1] as usize] {

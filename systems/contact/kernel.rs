@@ -6,8 +6,9 @@
 //! (the all-angle idea of Meier, Wall and Popp 2017), in a window of sin(alpha) given in units of
 //! diameter over sampling length: below it a line contact is long enough for the nodes to see it.
 use super::curve::{Range, Segment, Weights, weights};
+use super::images::Image;
 use super::lane::{Lane, V3};
-use super::law::{Law, Response, Touch, respond};
+use super::law::{Law, Memory, Response, Touch, respond};
 use super::lines::{Centrelines, Lines};
 use super::records::*;
 use bevy_ecs::prelude::*;
@@ -34,59 +35,76 @@ impl Penalty {
     }
 }
 
-/// One record, or several side by side, read from the columns.
+/// The segments of one record, or of several side by side: what their centrelines need.
 #[derive(Clone, Copy)]
 struct Side<L> {
+    x: V3<L>,
+    radius: L,
+    length: L,
+    curve: Segment<L>,
+}
+
+/// What a force on a segment needs to know of its motion.
+#[derive(Clone, Copy)]
+struct Motion<L> {
+    va: V3<L>,
     chord: V3<L>,
     ta: V3<L>,
     tb: V3<L>,
-    chord_v: V3<L>,
-    ta_v: V3<L>,
-    tb_v: V3<L>,
-    va: V3<L>,
-    length: L,
     mass: [L; 2],
 }
 
 #[inline(always)]
 fn gather<L: Lane>(rows: &[[f64; 4]], index: impl Fn(usize) -> usize) -> (V3<L>, L) {
-    let take = |k: usize| L::from_fn(|lane| rows[index(lane)][k]);
-    (V3::new(take(0), take(1), take(2)), take(3))
+    let [x, y, z, w] = L::rows(|lane| rows[index(lane)]);
+    (V3::new(x, y, z), w)
+}
+
+/// Vectors of the images by which the second bodies are shifted.
+#[inline(always)]
+fn image<L: Lane>(from: &[glam::DVec3], image: impl Fn(usize) -> Image) -> V3<L> {
+    let [x, y, z, _] = L::rows(|lane| {
+        let v = from[image(lane) as usize];
+        [v.x, v.y, v.z, 0.0]
+    });
+    V3::new(x, y, z)
+}
+
+/// Slip and damper of the step before, from slip and damper of each lane.
+#[inline(always)]
+fn memory<L: Lane>(of: impl Fn(usize) -> (glam::DVec3, f64)) -> Memory<L> {
+    let [x, y, z, damper] = L::rows(|lane| {
+        let (slip, damper) = of(lane);
+        [slip.x, slip.y, slip.z, damper]
+    });
+    Memory { slip: V3::new(x, y, z), damper }
 }
 
 impl<L: Lane> Side<L> {
     #[inline(always)]
-    fn load(now: &Centrelines, index: impl Fn(usize) -> usize + Copy) -> (Self, V3<L>, L) {
-        let (xa, radius) = gather::<L>(&now.x, index);
+    fn load(lines: &Lines, now: &Centrelines, index: impl Fn(usize) -> usize + Copy) -> Self {
+        let (x, radius) = gather::<L>(&now.x, index);
         let (xb, _) = gather::<L>(&now.x, |l| index(l) + 1);
         let (ta, length) = gather::<L>(&now.tangent, index);
         let (tb, _) = gather::<L>(&now.tangent, |l| index(l) + 1);
+        let curve = Segment::new(xb - x, ta * length, tb * length, Range::new(|l| lines.slots[index(l)].free));
+        Side { x, radius, length, curve }
+    }
+}
+
+impl<L: Lane> Motion<L> {
+    #[inline(always)]
+    fn load(now: &Centrelines, length: L, index: impl Fn(usize) -> usize + Copy) -> Self {
         let (va, ma) = gather::<L>(&now.v, index);
         let (vb, mb) = gather::<L>(&now.v, |l| index(l) + 1);
         let (wa, _) = gather::<L>(&now.rate, index);
         let (wb, _) = gather::<L>(&now.rate, |l| index(l) + 1);
-        let side = Side {
-            chord: xb - xa,
-            ta: ta * length,
-            tb: tb * length,
-            chord_v: vb - va,
-            ta_v: wa * length,
-            tb_v: wb * length,
-            va,
-            length,
-            mass: [ma, mb],
-        };
-        (side, xa, radius)
-    }
-
-    #[inline(always)]
-    fn curve(&self, lines: &Lines, segment: impl Fn(usize) -> u32) -> Segment<L> {
-        Segment::new(self.chord, self.ta, self.tb, Range::new(|l| lines.slots[segment(l) as usize].free))
+        Motion { va, chord: vb - va, ta: wa * length, tb: wb * length, mass: [ma, mb] }
     }
 
     #[inline(always)]
     fn velocity(&self, w: &Weights<L>) -> V3<L> {
-        self.va + self.chord_v * w.b + self.ta_v * w.ta + self.tb_v * w.tb
+        self.va + self.chord * w.b + self.ta * w.ta + self.tb * w.tb
     }
 
     #[inline(always)]
@@ -141,6 +159,38 @@ fn unit<L: Lane>(d: V3<L>, reach: L) -> (V3<L>, L) {
     (d * (L::splat(1.0) / distance), distance)
 }
 
+/// Where the nodes of `L::WIDTH` line records are beside their segments.
+#[derive(Clone, Copy)]
+pub struct Beside<L> {
+    side: Side<L>,
+    /// Parameter of the closest point.
+    pub t: L,
+    tangent: V3<L>,
+    normal: V3<L>,
+    reach: L,
+    /// Penetration before any offset (length).
+    pub overlap: L,
+}
+
+/// Finds the closest points of line records: one Newton step on (y - X) . X' = 0 from where they were.
+#[inline(always)]
+pub fn beside<L: Lane>(lines: &Lines, now: &Centrelines, records: &[LineRecord], states: &[LineState]) -> Beside<L> {
+    let half = L::splat(0.5);
+    let side = Side::<L>::load(lines, now, |l| records[l].segment as usize);
+    let (xn, rn) = gather::<L>(&now.x, |l| records[l].node as usize);
+    let y = xn - side.x - image(&now.shift, |l| records[l].image);
+    let t0 = L::from_fn(|l| states[l].t);
+    let p = side.curve.at(t0);
+    let d = y - p.x;
+    let metric = p.d.dot(p.d);
+    let slope = (metric - d.dot(p.dd)).upper(L::splat(0.25) * metric);
+    let t = (t0 + (d.dot(p.d) / slope).within(-half, half)).within(L::splat(-2.0), L::splat(3.0));
+    let p = side.curve.at(t);
+    let reach = rn + side.radius;
+    let (normal, distance) = unit(y - p.x, reach);
+    Beside { side, t, tangent: p.d, normal, reach, overlap: reach - distance }
+}
+
 /// Evaluates `L::WIDTH` line records.
 #[inline(always)]
 pub fn line_contact<L: Lane>(
@@ -149,38 +199,19 @@ pub fn line_contact<L: Lane>(
     now: &Centrelines,
     records: &[LineRecord],
     states: &[LineState],
+    at: &Beside<L>,
 ) -> Contact<L> {
-    let (zero, half, one) = (L::splat(0.0), L::splat(0.5), L::splat(1.0));
-    let (side, xa, ra) = Side::<L>::load(now, |l| records[l].segment as usize);
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let Beside { side, t, tangent, normal, reach, overlap } = *at;
     let node = |l: usize| records[l].node as usize;
-    let (xn, rn) = gather::<L>(&now.x, node);
     let (vn, mn) = gather::<L>(&now.v, node);
     let (tn, _) = gather::<L>(&now.tangent, node);
-    let of_shift = |from: &[glam::DVec3]| {
-        let take = |k: usize| L::from_fn(|l| from[records[l].image as usize][k]);
-        V3::new(take(0), take(1), take(2))
-    };
-    let (shift, shift_rate) = (of_shift(&now.shift), of_shift(&now.shift_rate));
-    let y = xn - xa - shift;
-
-    // Closest point: one Newton step on (y - X) . X' = 0 from where it was.
-    let curve = side.curve(lines, |l| records[l].segment);
-    let t0 = L::from_fn(|l| states[l].t);
-    let p = curve.at(t0);
-    let d = y - p.x;
-    let metric = p.d.dot(p.d);
-    let slope = (metric - d.dot(p.dd)).upper(L::splat(0.25) * metric);
-    let t = (t0 + (d.dot(p.d) / slope).within(-half, half)).within(L::splat(-2.0), L::splat(3.0));
-    let p = curve.at(t);
-    let d = y - p.x;
-    let reach = rn + ra;
-    let (normal, distance) = unit(d, reach);
 
     // The share of the node's length that lies beside the other filament, at free ends.
-    let turn = tn.dot(p.d);
-    let sine = sine_of(tn, p.d, normal);
-    let aligned = (turn * turn / (tn.dot(tn) * p.d.dot(p.d))).sqrt().upper(L::splat(0.1));
-    let halves = |k: usize| L::from_fn(|l| lines.slots[records[l].node as usize].half[k]);
+    let turn = tn.dot(tangent);
+    let sine = sine_of(tn, tangent, normal);
+    let aligned = (turn * turn / (tn.dot(tn) * tangent.dot(tangent))).sqrt().upper(L::splat(0.1));
+    let halves = |k: usize| L::from_fn(|l| lines.slots[node(l)].half[k]);
     let (before, after) = (halves(0), halves(1));
     let forward = zero.less(turn);
     let scale = aligned / side.length;
@@ -191,27 +222,26 @@ pub fn line_contact<L: Lane>(
     let cover = (covered / (high - low)).within(zero, one);
 
     let tributary = before + after;
-    let sampling = L::from_fn(|l| lines.slots[records[l].node as usize].spacing);
+    let sampling = L::from_fn(|l| lines.slots[node(l)].spacing);
     let crossing = L::from_fn(|l| if records[l].crossing { 1.0 } else { 0.0 });
     let share = L::from_fn(|l| if records[l].half { 0.5 } else { 1.0 });
     let cross = point_weight(penalty, sine, reach, sampling);
-    let beside = one - crossing * cross;
-    let stiffness = L::splat(penalty.line_stiffness) * tributary * share * cover * beside;
+    let parallel = one - crossing * cross;
+    let stiffness = L::splat(penalty.line_stiffness) * tributary * share * cover * parallel;
 
-    let w = weights(t, curve.range);
-    let overlap = reach - distance;
+    let w = weights(t, side.curve.range);
     let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(zero));
-    let ms = side.mass_at(t);
+    let motion = Motion::<L>::load(now, side.length, |l| records[l].segment as usize);
+    let ms = motion.mass_at(t);
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
         reach,
         normal,
-        velocity: vn - shift_rate - side.velocity(&w),
+        velocity: vn - image(&now.shift_rate, |l| records[l].image) - motion.velocity(&w),
         mass: mn * ms / (mn + ms),
     };
-    let slip = V3::new(L::from_fn(|l| states[l].slip.x), L::from_fn(|l| states[l].slip.y), L::from_fn(|l| states[l].slip.z));
-    let response = respond(&penalty.law, &touch, slip);
+    let response = respond(&penalty.law, &touch, &memory(|l| (states[l].slip, states[l].damper)));
     let turned = L::pick(zero.less(touch.penetration), (one - crossing) * cross, zero);
     Contact { response, t: [zero, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }
@@ -225,20 +255,16 @@ pub fn point_contact<L: Lane>(
     records: &[PointRecord],
     states: &[PointState],
 ) -> Contact<L> {
-    let (a, xa, ra) = Side::<L>::load(now, |l| records[l].segments[0] as usize);
-    let (b, xb, rb) = Side::<L>::load(now, |l| records[l].segments[1] as usize);
-    let of_shift = |from: &[glam::DVec3]| {
-        let take = |k: usize| L::from_fn(|l| from[records[l].image as usize][k]);
-        V3::new(take(0), take(1), take(2))
-    };
-    let apart = xa - xb - of_shift(&now.shift);
-    let (ca, cb) = (a.curve(lines, |l| records[l].segments[0]), b.curve(lines, |l| records[l].segments[1]));
+    let segment = |side: usize| move |l: usize| records[l].segments[side] as usize;
+    let (a, b) = (Side::<L>::load(lines, now, segment(0)), Side::<L>::load(lines, now, segment(1)));
+    let apart = a.x - b.x - image(&now.shift, |l| records[l].image);
+    let (ca, cb) = (a.curve, b.curve);
     let (s0, t0) = (L::from_fn(|l| states[l].t[0]), L::from_fn(|l| states[l].t[1]));
     let limits = |side: usize| {
-        let limit = |k: usize, no: f64| L::from_fn(|l| if lines.slots[records[l].segments[side] as usize].free[k] { k as f64 } else { no });
+        let limit = |k: usize, no: f64| L::from_fn(|l| if lines.slots[segment(side)(l)].free[k] { k as f64 } else { no });
         (limit(0, -2.0), limit(1, 3.0))
     };
-    let reach = ra + rb;
+    let reach = a.radius + b.radius;
     // The sampling length is that of the filament whose nodes look for the other one.
     let sampling = L::from_fn(|l| {
         let [i, j] = records[l].segments;
@@ -264,17 +290,17 @@ pub fn point_contact<L: Lane>(
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
     let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(L::splat(0.0)));
-    let (ma, mb) = (a.mass_at(s), b.mass_at(t));
+    let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
+    let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
         reach,
         normal,
-        velocity: a.velocity(&wa) - b.velocity(&wb) - of_shift(&now.shift_rate),
-        mass: ma * mb / (ma + mb),
+        velocity: ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image),
+        mass: mass_a * mass_b / (mass_a + mass_b),
     };
-    let slip = V3::new(L::from_fn(|l| states[l].slip.x), L::from_fn(|l| states[l].slip.y), L::from_fn(|l| states[l].slip.z));
-    let response = respond(&penalty.law, &touch, slip);
+    let response = respond(&penalty.law, &touch, &memory(|l| (states[l].slip, states[l].damper)));
     let turned = L::splat(0.0);
     Contact { response, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }

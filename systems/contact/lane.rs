@@ -15,12 +15,16 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn splat(value: f64) -> Self;
     /// One value per lane, from a function of the lane number.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
+    /// The four columns of one row of four numbers per lane.
+    fn rows(f: impl FnMut(usize) -> [f64; 4]) -> [Self; 4];
     /// The value of one lane.
     fn lane(self, index: usize) -> f64;
     /// Square root.
     fn sqrt(self) -> Self;
     /// self < other.
     fn less(self, other: Self) -> Self::Mask;
+    /// True if the mask is true in any lane.
+    fn any(mask: Self::Mask) -> bool;
     /// `yes` where the mask is true, `no` elsewhere.
     fn pick(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
@@ -58,6 +62,10 @@ impl Lane for f64 {
         f(0)
     }
     #[inline(always)]
+    fn rows(mut f: impl FnMut(usize) -> [f64; 4]) -> [f64; 4] {
+        f(0)
+    }
+    #[inline(always)]
     fn lane(self, _index: usize) -> f64 {
         self
     }
@@ -68,6 +76,10 @@ impl Lane for f64 {
     #[inline(always)]
     fn less(self, other: Self) -> bool {
         self < other
+    }
+    #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
     }
     #[inline(always)]
     fn pick(mask: bool, yes: Self, no: Self) -> Self {
@@ -87,6 +99,10 @@ impl Lane for f64x4 {
         f64x4::new(std::array::from_fn(f))
     }
     #[inline(always)]
+    fn rows(mut f: impl FnMut(usize) -> [f64; 4]) -> [f64x4; 4] {
+        f64x4::transpose(std::array::from_fn(|lane| f64x4::new(f(lane))))
+    }
+    #[inline(always)]
     fn lane(self, index: usize) -> f64 {
         self.to_array()[index]
     }
@@ -97,6 +113,10 @@ impl Lane for f64x4 {
     #[inline(always)]
     fn less(self, other: Self) -> f64x4 {
         self.simd_lt(other)
+    }
+    #[inline(always)]
+    fn any(mask: f64x4) -> bool {
+        mask.any()
     }
     #[inline(always)]
     fn pick(mask: f64x4, yes: Self, no: Self) -> Self {

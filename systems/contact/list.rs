@@ -143,7 +143,7 @@ impl Builder {
             let reach = slot.radius + lines.slots[c.b as usize].radius;
             let crossing = sine > look_from(penalty, reach, slot.spacing);
             let record = LineRecord { node, segment: c.b, image: c.image, half, crossing };
-            self.lines.push((record, LineState { t, slip: DVec3::ZERO, offset: 0.0 }));
+            self.lines.push((record, LineState::at(t)));
         }
     }
 
@@ -195,7 +195,7 @@ impl Builder {
         if exchanged {
             place.swap(0, 1);
         }
-        self.points.push((record, PointState { t: place, slip: DVec3::ZERO, offset: 0.0 }));
+        self.points.push((record, PointState::at(place)));
     }
 
     /// Hands slip and offset of the old records to the new ones at the same place; both sorted.
@@ -216,7 +216,7 @@ impl Builder {
                     && d.abs() < nearest
                 {
                     nearest = d.abs();
-                    (state.slip, state.offset) = (old_lines.1[k].slip, old_lines.1[k].offset);
+                    *state = LineState { t: state.t, ..old_lines.1[k] };
                 }
             }
         }
@@ -225,7 +225,7 @@ impl Builder {
             let old = |k: usize| Some((&old_points.0[k], &old_points.1[k]));
             if let Some((k, turned)) = index.nearest(lines, (record, state), 0.75, old) {
                 let was = &old_points.1[k];
-                (state.slip, state.offset) = (if turned { -was.slip } else { was.slip }, was.offset);
+                *state = PointState { t: state.t, slip: if turned { -was.slip } else { was.slip }, ..*was };
             }
         }
     }

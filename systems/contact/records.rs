@@ -34,8 +34,17 @@ pub struct LineState {
     pub t: f64,
     /// Elastic slip of the friction spring (length).
     pub slip: DVec3,
+    /// Force of the damper (force).
+    pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+}
+
+impl LineState {
+    /// Of a node that does not touch yet.
+    pub fn at(t: f64) -> Self {
+        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0 }
+    }
 }
 
 /// Force of a line record on its node, and the parameter it acts at.
@@ -58,8 +67,17 @@ pub struct PointState {
     pub t: [f64; 2],
     /// Elastic slip of the friction spring (length).
     pub slip: DVec3,
+    /// Force of the damper (force).
+    pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+}
+
+impl PointState {
+    /// Of a crossing that does not touch yet.
+    pub fn at(t: [f64; 2]) -> Self {
+        PointState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0 }
+    }
 }
 
 /// Force of a point record on its first segment, and the parameters it acts at.

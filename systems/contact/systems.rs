@@ -141,12 +141,10 @@ fn reserve(world: &mut World, builder: &Builder) {
     let wanted = |need: usize, have: usize| if need > have { (need + need / 2).max(16) - have } else { 0 };
     let lines = wanted(builder.lines.len().max(1), have.0);
     let idle = LineRecord { node: u32::MAX, segment: u32::MAX, image: 0, half: false, crossing: false };
-    let state = LineState { t: 0.0, slip: DVec3::ZERO, offset: 0.0 };
-    world.spawn_batch((0..lines).map(|_| (idle, state, LineForce::default())).collect::<Vec<_>>());
+    world.spawn_batch((0..lines).map(|_| (idle, LineState::at(0.0), LineForce::default())).collect::<Vec<_>>());
     let points = wanted(builder.points.len().max(1), have.1);
     let idle = PointRecord { segments: [u32::MAX; 2], image: 0 };
-    let state = PointState { t: [0.0; 2], slip: DVec3::ZERO, offset: 0.0 };
-    world.spawn_batch((0..points).map(|_| (idle, state, PointForce::default())).collect::<Vec<_>>());
+    world.spawn_batch((0..points).map(|_| (idle, PointState::at([0.0; 2]), PointForce::default())).collect::<Vec<_>>());
 }
 
 /// Forces of all records, and their sums at the nodes.

@@ -8,7 +8,7 @@
 use super::records::*;
 use super::shape::{Edge, Shape};
 use crate::systems::contact::lane::V3;
-use crate::systems::contact::law::{Law, Response, Touch, respond};
+use crate::systems::contact::law::{Law, Memory, Response, Touch, respond};
 use crate::systems::contact::lines::{Centrelines, Lines, xyz};
 use crate::systems::contact::{curve, list};
 use braid_ecs::prelude::*;
@@ -109,7 +109,7 @@ pub fn node_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
         velocity: v3(v),
         mass: now.v[i][3],
     };
-    let response = respond(&surface.law, &touch, v3(state.slip));
+    let response = respond(&surface.law, &touch, &Memory { slip: v3(state.slip), damper: state.damper });
     Touching { response, t: 0.0, penetration: touch.penetration, offset, normal, stiffness, place: x }
 }
 
@@ -167,7 +167,7 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
         velocity: v3(velocity),
         mass: now.v[j][3] + (now.v[j + 1][3] - now.v[j][3]) * t.clamp(0.0, 1.0),
     };
-    let response = respond(&surface.law, &touch, v3(state.slip));
+    let response = respond(&surface.law, &touch, &Memory { slip: v3(state.slip), damper: state.damper });
     Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, place }
 }
 

@@ -16,6 +16,8 @@ pub struct SurfaceRecord {
 pub struct SurfaceState {
     /// Elastic slip of the friction spring (length).
     pub slip: DVec3,
+    /// Force of the damper (force).
+    pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
 }
@@ -38,6 +40,8 @@ pub struct EdgeState {
     pub t: f64,
     /// Elastic slip of the friction spring (length).
     pub slip: DVec3,
+    /// Force of the damper (force).
+    pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
 }

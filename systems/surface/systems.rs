@@ -326,7 +326,7 @@ fn inherit(
                 && d.abs() < nearest
             {
                 nearest = d.abs();
-                (state.slip, state.offset) = (was.slip, was.offset);
+                *state = EdgeState { t: state.t, ..*was };
             }
         }
     }
@@ -383,14 +383,14 @@ fn forces(
     for (record, state) in records[..live.nodes].iter().zip(states.bypass_change_detection()) {
         let c = node_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
-        *state = SurfaceState { slip: c.response.slip.lane(0), offset: c.offset };
+        *state = SurfaceState { slip: c.response.memory.slip.lane(0), damper: c.response.memory.damper, offset: c.offset };
         put(&lines, &lines.images, force, record.node, c.response.force.lane(0));
     }
     let (records, mut states) = columns(&mut edge_query);
     for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
         let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
-        *state = EdgeState { t: c.t, slip: c.response.slip.lane(0), offset: c.offset };
+        *state = EdgeState { t: c.t, slip: c.response.memory.slip.lane(0), damper: c.response.memory.damper, offset: c.offset };
         *moved |= strayed(c.t);
         spread(&lines, &now, record.segment, c.t, c.response.force.lane(0), |slot, f| put(&lines, &lines.images, force, slot, f));
     }

@@ -142,11 +142,11 @@ impl Rig {
     pub fn energy(&self) -> f64 {
         let mut sum = 0.0;
         for (r, s) in self.line.0.iter().zip(&self.line.1) {
-            let c: Contact<f64> = line_contact(&self.settings, &self.lines, &self.now, std::slice::from_ref(r), std::slice::from_ref(s));
+            let c: Contact<f64> = of_line(&self.settings, &self.lines, &self.now, r, s);
             sum += c.response.energy;
         }
         for (r, s) in self.point.0.iter().zip(&self.point.1) {
-            let c: Contact<f64> = point_contact(&self.settings, &self.lines, &self.now, std::slice::from_ref(r), std::slice::from_ref(s));
+            let c: Contact<f64> = of_point(&self.settings, &self.lines, &self.now, r, s);
             sum += c.response.energy;
         }
         sum

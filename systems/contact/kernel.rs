@@ -3,8 +3,9 @@
 //! Side by side, the force per length of two filaments is `line_stiffness` x penetration, sampled at
 //! the nodes of one of them, each standing for its share of length. Crossing, the force at the
 //! closest point is `point_stiffness` x penetration. In between the two exchange weight by the angle
-//! (the all-angle idea of Meier, Wall and Popp 2017), in a window of sin(alpha) given in units of
-//! diameter over sampling length: below it a line contact is long enough for the nodes to see it.
+//! at which they part (the all-angle idea of Meier, Wall and Popp 2017), in a window of its sine given
+//! in units of diameter over sampling length: below it a line contact is long enough for the nodes to
+//! see it.
 use super::curve::{Range, Segment, Weights, weights};
 use super::images::Image;
 use super::lane::{Lane, V3};
@@ -138,11 +139,11 @@ pub struct Contact<L> {
 }
 
 #[inline(always)]
-fn point_weight<L: Lane>(penalty: &Penalty, sine: L, reach: L, sampling: L) -> L {
+fn point_weight<L: Lane>(penalty: &Penalty, parting: L, reach: L, sampling: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let unit = reach / sampling.upper(L::splat(penalty.point_length()));
     let (low, high) = (L::splat(penalty.window[0]), L::splat(penalty.window[1]));
-    ((sine - low * unit) / ((high - low) * unit)).within(zero, one)
+    ((parting - low * unit) / ((high - low) * unit)).within(zero, one)
 }
 
 /// Sine of the angle at which two filaments cross, seen along the normal: filaments that only bend
@@ -150,6 +151,17 @@ fn point_weight<L: Lane>(penalty: &Penalty, sine: L, reach: L, sampling: L) -> L
 #[inline(always)]
 fn sine_of<L: Lane>(a: V3<L>, b: V3<L>, normal: V3<L>) -> L {
     (a.cross(b).dot(normal)).magnitude() / (a.dot(a) * b.dot(b)).sqrt()
+}
+
+/// Sine of the angle at which two filaments part from each other: that of straight ones whose gap
+/// opens as fast as this one on both sides. A wire that winds around its core crosses it at the lay
+/// angle everywhere and yet stays beside it; there this is zero. From the Hessian of half the
+/// squared distance `d`, and never above the sine of the angle, which bears noise better.
+#[inline(always)]
+fn parting<L: Lane>(sine: L, d: V3<L>, (a, a2): (V3<L>, V3<L>), (b, b2): (V3<L>, V3<L>)) -> L {
+    let (aa, bb, ab) = (a.dot(a), b.dot(b), a.dot(b));
+    let square = ((aa + d.dot(a2)) * (bb - d.dot(b2)) - ab * ab) / (aa * bb);
+    sine.lower(square.upper(L::splat(0.0)).sqrt())
 }
 
 #[inline(always)]
@@ -166,6 +178,8 @@ pub struct Beside<L> {
     /// Parameter of the closest point.
     pub t: L,
     tangent: V3<L>,
+    second: V3<L>,
+    apart: V3<L>,
     normal: V3<L>,
     reach: L,
     /// Penetration before any offset (length).
@@ -187,8 +201,9 @@ pub fn beside<L: Lane>(lines: &Lines, now: &Centrelines, records: &[LineRecord],
     let t = (t0 + (d.dot(p.d) / slope).within(-half, half)).within(L::splat(-2.0), L::splat(3.0));
     let p = side.curve.at(t);
     let reach = rn + side.radius;
-    let (normal, distance) = unit(y - p.x, reach);
-    Beside { side, t, tangent: p.d, normal, reach, overlap: reach - distance }
+    let apart = y - p.x;
+    let (normal, distance) = unit(apart, reach);
+    Beside { side, t, tangent: p.d, second: p.dd, apart, normal, reach, overlap: reach - distance }
 }
 
 /// Evaluates `L::WIDTH` line records.
@@ -202,10 +217,11 @@ pub fn line_contact<L: Lane>(
     at: &Beside<L>,
 ) -> Contact<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let Beside { side, t, tangent, normal, reach, overlap } = *at;
+    let Beside { side, t, tangent, second, apart, normal, reach, overlap } = *at;
     let node = |l: usize| records[l].node as usize;
     let (vn, mn) = gather::<L>(&now.v, node);
     let (tn, _) = gather::<L>(&now.tangent, node);
+    let (bend, _) = gather::<L>(&now.bend, node);
 
     // The share of the node's length that lies beside the other filament, at free ends.
     let turn = tn.dot(tangent);
@@ -225,7 +241,7 @@ pub fn line_contact<L: Lane>(
     let sampling = L::from_fn(|l| lines.slots[node(l)].spacing);
     let crossing = L::from_fn(|l| if records[l].crossing { 1.0 } else { 0.0 });
     let share = L::from_fn(|l| if records[l].half { 0.5 } else { 1.0 });
-    let cross = point_weight(penalty, sine, reach, sampling);
+    let cross = point_weight(penalty, parting(sine, apart, (tn, bend), (tangent, second)), reach, sampling);
     let parallel = one - crossing * cross;
     let stiffness = L::splat(penalty.line_stiffness) * tributary * share * cover * parallel;
 
@@ -273,19 +289,22 @@ pub fn point_contact<L: Lane>(
     });
     // Side by side there is no crossing to follow: the record waits where it is.
     let (p, q) = (ca.at(s0), cb.at(t0));
-    let (normal, _) = unit(apart + p.x - q.x, reach);
+    let d = apart + p.x - q.x;
+    let (normal, _) = unit(d, reach);
     let low = L::splat(0.5 * penalty.window[0]) * reach / sampling.upper(L::splat(penalty.point_length()));
-    let follow = low.less(sine_of(p.d, q.d, normal));
+    let follow = low.less(parting(sine_of(p.d, q.d, normal), d, (p.d, p.dd), (q.d, q.dd)));
     let (s, t) = closest_step(&ca, &cb, apart, s0, t0, limits(0), limits(1));
     let (s, t) = (L::pick(follow, s, s0), L::pick(follow, t, t0));
 
     let (p, q) = (ca.at(s), cb.at(t));
-    let (normal, distance) = unit(apart + p.x - q.x, reach);
+    let d = apart + p.x - q.x;
+    let (normal, distance) = unit(d, reach);
     let sine = sine_of(p.d, q.d, normal);
+    let parting = parting(sine, d, (p.d, p.dd), (q.d, q.dd));
     // On the straight extension of a segment nothing is known: wait for the move to the next one.
     let (near, far) = (L::splat(-5.0 * SLACK), L::splat(1.0 + 5.0 * SLACK));
     let valid = near.less(s) & s.less(far) & near.less(t) & t.less(far);
-    let weight = L::pick(valid, point_weight(penalty, sine, reach, sampling), L::splat(0.0));
+    let weight = L::pick(valid, point_weight(penalty, parting, reach, sampling), L::splat(0.0));
     let stiffness = L::splat(penalty.point_stiffness) * weight;
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;

@@ -296,6 +296,8 @@ pub struct Centrelines {
     pub tangent: Vec<[f64; 4]>,
     /// Velocity and mass.
     pub v: Vec<[f64; 4]>,
+    /// Second derivative of the position by arc length (1 / length).
+    pub bend: Vec<[f64; 4]>,
     /// Rate of the tangent.
     pub rate: Vec<[f64; 4]>,
     /// Vectors of the images.
@@ -320,6 +322,7 @@ impl Centrelines {
         self.v.resize(n, [0.0; 4]);
         self.tangent.resize(n, [0.0; 4]);
         self.rate.resize(n, [0.0; 4]);
+        self.bend.resize(n, [0.0; 4]);
         for (i, s) in lines.slots.iter().enumerate() {
             if s.row == NONE {
                 continue;
@@ -336,6 +339,12 @@ impl Centrelines {
                 let o = (i as isize + s.first) as usize;
                 let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
                 self.tangent[i] = [blend(&self.x, 0), blend(&self.x, 1), blend(&self.x, 2), s.length];
+                let [before, after] = s.half.map(|h| 2.0 * h);
+                if before > 0.0 && after > 0.0 {
+                    let x = |k: usize| xyz(&self.x[k]);
+                    let bend = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
+                    self.bend[i] = [bend.x, bend.y, bend.z, 0.0];
+                }
                 self.rate[i] = [blend(&self.v, 0), blend(&self.v, 1), blend(&self.v, 2), s.length];
             }
         }

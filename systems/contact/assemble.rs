@@ -114,20 +114,26 @@ fn lines_at_once<L: Lane>(
     if !L::any(L::splat(0.0).less(at.overlap)) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
-            states[lane] = LineState::at(t);
+            states[lane] = LineState { stiffness: APART, ..LineState::at(t) };
             forces[lane] = LineForce([0.0, 0.0, 0.0, t]);
             sum.strayed |= strayed(t);
         }
         return;
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
-    let r = &c.response;
+    let (r, kept) = (&c.response, c.kept_stiffness());
     for lane in 0..L::WIDTH {
         let (t, f) = (c.t[1].lane(lane), r.force.lane(lane));
         if penalty.keep < 1.0 {
             sum.relaxed += r.normal_force.lane(lane) * states[lane].offset * (1.0 - penalty.keep);
         }
-        states[lane] = LineState { t, slip: r.memory.slip.lane(lane), damper: r.memory.damper.lane(lane), offset: c.offset.lane(lane) };
+        states[lane] = LineState {
+            t,
+            slip: r.memory.slip.lane(lane),
+            damper: r.memory.damper.lane(lane),
+            offset: c.offset.lane(lane),
+            stiffness: kept.lane(lane),
+        };
         forces[lane] = LineForce([f.x, f.y, f.z, t]);
         sum.friction += r.friction.lane(lane);
         sum.damping += r.damping.lane(lane);
@@ -153,7 +159,8 @@ pub fn evaluate_points(
             if penalty.keep < 1.0 {
                 sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
-            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset };
+            let stiffness = c.kept_stiffness();
+            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset, stiffness };
             *force = PointForce { force: r.force.lane(0), t: c.t };
             sum.friction += r.friction;
             sum.damping += r.damping;

@@ -29,6 +29,14 @@ pub struct Penalty {
     pub keep: f64,
 }
 
+impl<L: Lane> Contact<L> {
+    /// What the next step has to know of the stiffness.
+    #[inline(always)]
+    pub fn kept_stiffness(&self) -> L {
+        L::pick(L::splat(0.0).less(self.penetration + self.offset), self.stiffness, L::splat(APART))
+    }
+}
+
 impl Penalty {
     /// Length of line contact that is as stiff as a crossing.
     pub fn point_length(&self) -> f64 {
@@ -164,6 +172,18 @@ fn parting<L: Lane>(sine: L, d: V3<L>, (a, a2): (V3<L>, V3<L>), (b, b2): (V3<L>,
     sine.lower(square.upper(L::splat(0.0)).sqrt())
 }
 
+/// Offset and slip of a record of which the weight has changed. A record that gains stiffness while
+/// it touches would gain energy out of nothing; it moves its zero instead, so that the energy stays,
+/// and moves back when it loses stiffness. One that is found touching starts free of force.
+#[inline(always)]
+fn rebase<L: Lane>(stiffness: L, before: L, overlap: L, offset: L, memory: &mut Memory<L>) -> L {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let factor = (before.upper(zero) / stiffness.upper(L::splat(f64::MIN_POSITIVE))).sqrt();
+    let factor = L::pick(before.less(zero), one, L::pick(zero.less(stiffness), factor, one));
+    memory.slip = memory.slip * factor.lower(one);
+    (overlap - (overlap - offset) * factor).within(zero, overlap.upper(zero))
+}
+
 #[inline(always)]
 fn unit<L: Lane>(d: V3<L>, reach: L) -> (V3<L>, L) {
     let tiny = reach * reach * L::splat(1e-60);
@@ -247,6 +267,8 @@ pub fn line_contact<L: Lane>(
 
     let w = weights(t, side.curve.range);
     let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(zero));
+    let mut memory = memory(|l| (states[l].slip, states[l].damper));
+    let offset = rebase(stiffness, L::from_fn(|l| states[l].stiffness), overlap, offset, &mut memory);
     let motion = Motion::<L>::load(now, side.length, |l| records[l].segment as usize);
     let ms = motion.mass_at(t);
     let touch = Touch {
@@ -257,7 +279,7 @@ pub fn line_contact<L: Lane>(
         velocity: vn - image(&now.shift_rate, |l| records[l].image) - motion.velocity(&w),
         mass: mn * ms / (mn + ms),
     };
-    let response = respond(&penalty.law, &touch, &memory(|l| (states[l].slip, states[l].damper)));
+    let response = respond(&penalty.law, &touch, &memory);
     let turned = L::pick(zero.less(touch.penetration), (one - crossing) * cross, zero);
     Contact { response, t: [zero, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }
@@ -309,6 +331,8 @@ pub fn point_contact<L: Lane>(
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
     let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(L::splat(0.0)));
+    let mut memory = memory(|l| (states[l].slip, states[l].damper));
+    let offset = rebase(stiffness, L::from_fn(|l| states[l].stiffness), overlap, offset, &mut memory);
     let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
     let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
     let touch = Touch {
@@ -319,7 +343,7 @@ pub fn point_contact<L: Lane>(
         velocity: ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image),
         mass: mass_a * mass_b / (mass_a + mass_b),
     };
-    let response = respond(&penalty.law, &touch, &memory(|l| (states[l].slip, states[l].damper)));
+    let response = respond(&penalty.law, &touch, &memory);
     let turned = L::splat(0.0);
     Contact { response, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }

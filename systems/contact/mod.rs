@@ -101,16 +101,17 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.init_resource::<Requests>();
     cx.world.init_resource::<EnergyLedger>();
     make_list(cx.world);
-    if let InitialOverlap::Error = spec.initial_overlap {
+    // What touches at the start does so with its full stiffness; the kernel cuts an offset down to
+    // the overlap that is there.
+    let offset = if spec.initial_overlap == InitialOverlap::Error { 0.0 } else { f64::MAX };
+    for mut s in cx.world.query::<&mut LineState>().iter_mut(cx.world) {
+        (s.offset, s.stiffness) = (offset, APART);
+    }
+    for mut s in cx.world.query::<&mut PointState>().iter_mut(cx.world) {
+        (s.offset, s.stiffness) = (offset, APART);
+    }
+    if spec.initial_overlap == InitialOverlap::Error {
         refuse_overlap(cx.world)?;
-    } else {
-        // The kernel cuts an offset down to the overlap that is there.
-        for mut s in cx.world.query::<&mut LineState>().iter_mut(cx.world) {
-            s.offset = f64::MAX;
-        }
-        for mut s in cx.world.query::<&mut PointState>().iter_mut(cx.world) {
-            s.offset = f64::MAX;
-        }
     }
     cx.world.get_resource_or_init::<StiffnessSources>().0.push(("contact", stiffness::bounds));
     cx.add_system(StepSet::ContactSearch, follow);

@@ -38,12 +38,14 @@ pub struct LineState {
     pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+    /// Stiffness of the step before, zero for a record just found; negative if it did not touch (force / length).
+    pub stiffness: f64,
 }
 
 impl LineState {
-    /// Of a node that does not touch yet.
+    /// Of a record just found.
     pub fn at(t: f64) -> Self {
-        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0 }
+        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0 }
     }
 }
 
@@ -71,12 +73,14 @@ pub struct PointState {
     pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+    /// Stiffness of the step before, zero for a record just found; negative if it did not touch (force / length).
+    pub stiffness: f64,
 }
 
 impl PointState {
-    /// Of a crossing that does not touch yet.
+    /// Of a record just found.
     pub fn at(t: [f64; 2]) -> Self {
-        PointState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0 }
+        PointState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0 }
     }
 }
 
@@ -88,6 +92,9 @@ pub struct PointForce {
     /// Parameters on both segments.
     pub t: [f64; 2],
 }
+
+/// What [`LineState`] and [`PointState`] say of records that do not touch.
+pub const APART: f64 = -1.0;
 
 /// How many rows of the pools are in use.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,10 +1,10 @@
 //! Forces of surfaces on nodes and on segments over edges.
 //!
 //! Nodes stand for their share of length, as between filaments. Where a filament runs over an edge
-//! that turns within less than a segment, the nodes would miss it: there the point of the centreline
-//! nearest to the edge takes over. Nodes hand over to it by three numbers between 0 and 1: the angle
-//! between filament and edge, the direction of the edge's push between those of its two faces, and
-//! how many segments the rounding takes.
+//! that turns within less than a few segments, the nodes may miss it: there the point of the
+//! centreline nearest to the edge touches it, too. The two do not exchange weight: the edge is a part of the
+//! body, whatever the nodes beside it do, and a weight that changes with the place would make
+//! energy out of nothing.
 use super::records::*;
 use super::shape::{Edge, Shape};
 use crate::systems::contact::lane::V3;
@@ -52,21 +52,14 @@ pub struct Touching {
 
 /// Angle window between filament and edge, in diameters per segment: as between filaments.
 const WINDOW: [f64; 2] = [0.10, 0.25];
-/// Sine of the angle from a face within which the edge comes in, in diameters per segment.
-const ONSET: f64 = 0.1;
-
-/// Weight of the edge for a filament of radius `r` in direction `d` from the corner's centre, with
-/// tangent `tangent` (figure plane and axis part) and sampling length `length`.
-fn edge_weight(edge: &Edge, d: DVec2, flat_share: f64, r: f64, length: f64) -> f64 {
+/// Weight of the edge for a filament of radius `r` of which the tangent has the share `flat_share` in
+/// the figure's plane, with sampling length `length`: none along the edge, and none where the
+/// nodes see the rounding well.
+fn edge_weight(edge: &Edge, flat_share: f64, r: f64, length: f64) -> f64 {
     let unit = 2.0 * r / length;
     let across = ((flat_share - WINDOW[0] * unit) / ((WINDOW[1] - WINDOW[0]) * unit)).clamp(0.0, 1.0);
     let arc = (r + edge.radius) * edge.turn;
-    let coarse = ((3.0 * length - arc) / (2.0 * length)).clamp(0.0, 1.0);
-    let between = edge.beyond.map_or(1.0, |[a, b]| {
-        let onset = (ONSET * unit).min(0.25 * edge.turn.sin().abs().max(0.1));
-        (d.dot(a).min(d.dot(b)) / onset).clamp(0.0, 1.0)
-    });
-    across * coarse * between
+    across * ((3.0 * length - arc) / (2.0 * length)).clamp(0.0, 1.0)
 }
 
 /// Share of a tangent that lies in the figure's plane: the sine of the angle with the axis.
@@ -85,22 +78,9 @@ pub fn node_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
     let slot = &lines.slots[i];
     let (x, v) = (xyz(&now.x[i]), xyz(&now.v[i]));
     let (distance, normal) = surface.shape.distance(x);
-    let flat = surface.shape.flat(x);
-    let share = flat_share(&surface.shape, xyz(&now.tangent[i]));
-    let handed: f64 = surface
-        .shape
-        .edges
-        .iter()
-        .map(|e| {
-            let d = flat - e.centre;
-            let l = d.length();
-            let here = l > 0.0 && e.beyond.is_none_or(|[a, b]| d.dot(a) > 0.0 && d.dot(b) > 0.0);
-            if here { edge_weight(e, d / l, share, slot.radius, slot.spacing) } else { 0.0 }
-        })
-        .sum();
     let overlap = slot.radius - distance;
     let offset = (state.offset * surface.keep).min(overlap.max(0.0));
-    let stiffness = surface.line_stiffness * (slot.half[0] + slot.half[1]) * (1.0 - handed);
+    let stiffness = surface.line_stiffness * (slot.half[0] + slot.half[1]);
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
@@ -152,7 +132,7 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
     // On the extension of a segment nothing is known: wait for the move to the next one.
     let valid = (-0.05..1.05).contains(&t);
     let share = flat_share(shape, p.d.lane(0));
-    let weight = if valid { edge_weight(edge, direction, share, radius, lines.slots[j].length) } else { 0.0 };
+    let weight = if valid { edge_weight(edge, share, radius, lines.slots[j].length) } else { 0.0 };
     let overlap = radius + edge.radius - distance;
     let offset = (state.offset * surface.keep).min(overlap.max(0.0));
     let h = now.tangent[j][3];

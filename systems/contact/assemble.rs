@@ -160,7 +160,8 @@ pub fn evaluate_points(
                 sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
             let stiffness = c.kept_stiffness();
-            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset, stiffness };
+            let overlap = c.penetration + c.offset;
+            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset, stiffness, overlap };
             *force = PointForce { force: r.force.lane(0), t: c.t };
             sum.friction += r.friction;
             sum.damping += r.damping;

@@ -191,6 +191,9 @@ fn unit<L: Lane>(d: V3<L>, reach: L) -> (V3<L>, L) {
     (d * (L::splat(1.0) / distance), distance)
 }
 
+/// Change of overlap that the motion need not explain, in diameters.
+const HOP: f64 = 0.005;
+
 /// Where the nodes of `L::WIDTH` line records are beside their segments.
 #[derive(Clone, Copy)]
 pub struct Beside<L> {
@@ -330,17 +333,24 @@ pub fn point_contact<L: Lane>(
     let stiffness = L::splat(penalty.point_stiffness) * weight;
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
-    let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(L::splat(0.0)));
+    let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
+    let velocity = ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image);
+    // Kinked filaments side by side have many closest points. Where the point found has hopped to
+    // another one, the overlap jumps by what no motion explains: that much is left free of force.
+    let explained = L::from_fn(|l| states[l].overlap) - velocity.dot(normal) * L::splat(penalty.law.dt);
+    let hop = overlap - explained;
+    let hopped = (L::splat(HOP) * reach).less(hop.magnitude());
+    let offset = L::from_fn(|l| states[l].offset) * L::splat(penalty.keep);
+    let offset = L::pick(hopped, offset + hop, offset).within(L::splat(0.0), overlap.upper(L::splat(0.0)));
     let mut memory = memory(|l| (states[l].slip, states[l].damper));
     let offset = rebase(stiffness, L::from_fn(|l| states[l].stiffness), overlap, offset, &mut memory);
-    let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
     let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
         reach,
         normal,
-        velocity: ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image),
+        velocity,
         mass: mass_a * mass_b / (mass_a + mass_b),
     };
     let response = respond(&penalty.law, &touch, &memory);

@@ -121,10 +121,11 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
     let mut d = shape.flat(place) - edge.centre;
     let mut distance = d.length();
     if let Some([a, b]) = edge.beyond
-        && d.dot(a + b) < 0.0
+        && d.dot(a) < 0.0
+        && d.dot(b) < 0.0
     {
-        // The centreline has got inside: out along the bisector.
-        distance = -distance;
+        // The centreline has got inside the body: out along the bisector.
+        distance = 0.0;
         d = a + b;
     }
     let direction = d.normalize_or_zero();

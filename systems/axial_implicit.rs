@@ -143,7 +143,14 @@ fn install(cx: &mut Install<'_>) {
     let frequency2 = |b: &Bar| 4.0 * b.ea / b.rest_length * light[b.carriers[0] as usize].max(light[b.carriers[1] as usize]);
     let fastest = built.chains.iter().flat_map(|c| &c.bars).map(frequency2).fold(0.0, f64::max);
     let longest_step = if fastest > 0.0 { LONGEST * 2.0 / fastest.sqrt() } else { f64::INFINITY };
-    cx.world.insert_resource(AxialChains { chains: built.chains, work: stored, last: 0.0, explicit, border: vec![0.0; members], longest_step });
+    cx.world.insert_resource(AxialChains {
+        chains: built.chains,
+        work: stored,
+        last: 0.0,
+        explicit,
+        border: vec![0.0; members],
+        longest_step,
+    });
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
         name: "axial bar",
         count: 0,

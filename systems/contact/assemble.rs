@@ -7,6 +7,7 @@
 use super::curve::{Range, weights};
 use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
 use super::lane::Lane;
+use super::law::APART;
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use bevy_ecs::prelude::*;

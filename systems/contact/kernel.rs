@@ -9,7 +9,7 @@
 use super::curve::{Range, Segment, Weights, weights};
 use super::images::Image;
 use super::lane::{Lane, V3};
-use super::law::{Law, Memory, Response, Touch, respond};
+use super::law::{APART, Law, Memory, Response, Touch, Zero, respond};
 use super::lines::{Centrelines, Lines};
 use super::records::*;
 use bevy_ecs::prelude::*;
@@ -172,27 +172,12 @@ fn parting<L: Lane>(sine: L, d: V3<L>, (a, a2): (V3<L>, V3<L>), (b, b2): (V3<L>,
     sine.lower(square.upper(L::splat(0.0)).sqrt())
 }
 
-/// Offset and slip of a record of which the weight has changed. A record that gains stiffness while
-/// it touches would gain energy out of nothing; it moves its zero instead, so that the energy stays,
-/// and moves back when it loses stiffness. One that is found touching starts free of force.
-#[inline(always)]
-fn rebase<L: Lane>(stiffness: L, before: L, overlap: L, offset: L, memory: &mut Memory<L>) -> L {
-    let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let factor = (before.upper(zero) / stiffness.upper(L::splat(f64::MIN_POSITIVE))).sqrt();
-    let factor = L::pick(before.less(zero), one, L::pick(zero.less(stiffness), factor, one));
-    memory.slip = memory.slip * factor.lower(one);
-    (overlap - (overlap - offset) * factor).within(zero, overlap.upper(zero))
-}
-
 #[inline(always)]
 fn unit<L: Lane>(d: V3<L>, reach: L) -> (V3<L>, L) {
     let tiny = reach * reach * L::splat(1e-60);
     let distance = (d.dot(d) + tiny).sqrt();
     (d * (L::splat(1.0) / distance), distance)
 }
-
-/// Change of overlap that the motion need not explain, in diameters.
-const HOP: f64 = 0.005;
 
 /// Where the nodes of `L::WIDTH` line records are beside their segments.
 #[derive(Clone, Copy)]
@@ -269,9 +254,13 @@ pub fn line_contact<L: Lane>(
     let stiffness = L::splat(penalty.line_stiffness) * tributary * share * cover * parallel;
 
     let w = weights(t, side.curve.range);
-    let offset = (L::from_fn(|l| states[l].offset) * L::splat(penalty.keep)).lower(overlap.upper(zero));
     let mut memory = memory(|l| (states[l].slip, states[l].damper));
-    let offset = rebase(stiffness, L::from_fn(|l| states[l].stiffness), overlap, offset, &mut memory);
+    let before = Zero {
+        offset: L::from_fn(|l| states[l].offset) * L::splat(penalty.keep),
+        stiffness: L::from_fn(|l| states[l].stiffness),
+        overlap: L::splat(f64::NAN),
+    };
+    let offset = before.follow(stiffness, overlap, zero, reach, &mut memory);
     let motion = Motion::<L>::load(now, side.length, |l| records[l].segment as usize);
     let ms = motion.mass_at(t);
     let touch = Touch {
@@ -335,24 +324,15 @@ pub fn point_contact<L: Lane>(
     let overlap = reach - distance;
     let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
     let velocity = ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image);
-    // Kinked filaments side by side have many closest points. Where the point found has hopped to
-    // another one, the overlap jumps by what no motion explains: that much is left free of force.
-    let explained = L::from_fn(|l| states[l].overlap) - velocity.dot(normal) * L::splat(penalty.law.dt);
-    let hop = overlap - explained;
-    let hopped = (L::splat(HOP) * reach).less(hop.magnitude());
-    let offset = L::from_fn(|l| states[l].offset) * L::splat(penalty.keep);
-    let offset = L::pick(hopped, offset + hop, offset).within(L::splat(0.0), overlap.upper(L::splat(0.0)));
     let mut memory = memory(|l| (states[l].slip, states[l].damper));
-    let offset = rebase(stiffness, L::from_fn(|l| states[l].stiffness), overlap, offset, &mut memory);
-    let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
-    let touch = Touch {
-        stiffness,
-        penetration: overlap - offset,
-        reach,
-        normal,
-        velocity,
-        mass: mass_a * mass_b / (mass_a + mass_b),
+    let before = Zero {
+        offset: L::from_fn(|l| states[l].offset) * L::splat(penalty.keep),
+        stiffness: L::from_fn(|l| states[l].stiffness),
+        overlap: L::from_fn(|l| states[l].overlap),
     };
+    let offset = before.follow(stiffness, overlap, velocity.dot(normal) * L::splat(penalty.law.dt), reach, &mut memory);
+    let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
+    let touch = Touch { stiffness, penetration: overlap - offset, reach, normal, velocity, mass: mass_a * mass_b / (mass_a + mass_b) };
     let response = respond(&penalty.law, &touch, &memory);
     let turned = L::splat(0.0);
     Contact { response, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }

@@ -57,6 +57,42 @@ impl<L: Lane> Memory<L> {
     }
 }
 
+/// Stiffness that is kept of a contact that does not touch.
+pub const APART: f64 = -1.0;
+/// Change of overlap that the motion need not explain, in sums of radii.
+const HOP: f64 = 0.005;
+
+/// Where the spring of a contact had its zero in the step before.
+///
+/// A penalty force is the derivative of an energy only while weight and closest point change with
+/// the motion. A contact that gains stiffness while it touches, or whose closest point hops to another
+/// one, would make energy out of nothing; it moves its zero instead, so that the energy stays, and
+/// moves it back when the change is undone.
+#[derive(Clone, Copy, Debug)]
+pub struct Zero<L> {
+    /// Penetration that is left free of force (length).
+    pub offset: L,
+    /// Stiffness, zero if the contact was just found, [`APART`] if it did not touch (force / length).
+    pub stiffness: L,
+    /// Overlap, not a number if it is not known (length).
+    pub overlap: L,
+}
+
+impl<L: Lane> Zero<L> {
+    /// Offset now, with the slip cut for what the stiffness has gained; `parted` is how far the bodies have moved apart.
+    #[inline(always)]
+    pub fn follow(&self, stiffness: L, overlap: L, parted: L, reach: L, memory: &mut Memory<L>) -> L {
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let hop = overlap - (self.overlap - parted);
+        let hopped = (L::splat(HOP) * reach).less(hop.magnitude());
+        let offset = L::pick(hopped, self.offset + hop, self.offset).within(zero, overlap.upper(zero));
+        let factor = (self.stiffness.upper(zero) / stiffness.upper(L::splat(f64::MIN_POSITIVE))).sqrt();
+        let factor = L::pick(self.stiffness.less(zero), one, L::pick(zero.less(stiffness), factor, one));
+        memory.slip = memory.slip * factor.lower(one);
+        (overlap - (overlap - offset) * factor).within(zero, overlap.upper(zero))
+    }
+}
+
 /// What the law returns.
 #[derive(Clone, Copy, Debug)]
 pub struct Response<L> {
@@ -199,6 +235,25 @@ mod tests {
             assert!(kept < 0.5 * start && v > 0.1, "it has bounced, {v}");
             assert!((kept + lost - start).abs() < closes * start, "dt {dt}: {kept} + {lost} of {start}");
         }
+    }
+
+    #[test]
+    fn a_change_of_weight_or_place_makes_no_energy() {
+        let energy = |k: f64, g: f64| 0.5 * k * g * g;
+        let zero = |offset: f64, stiffness: f64, overlap: f64| Zero { offset, stiffness, overlap };
+        let follow = |z: Zero<f64>, k: f64, overlap: f64, parted: f64| z.follow(k, overlap, parted, 1.0, &mut Memory::none());
+        // Found while touching: free of force. Not touching before: with all of it.
+        assert_eq!(follow(zero(0.0, 0.0, f64::NAN), 2.0, 0.03, 0.0), 0.03);
+        assert_eq!(follow(zero(0.0, APART, f64::NAN), 2.0, 0.03, 0.0), 0.0);
+        // More and less stiffness, and back again.
+        let up = follow(zero(0.0, 1.0, 0.03), 4.0, 0.03, 0.0);
+        assert!((energy(4.0, 0.03 - up) - energy(1.0, 0.03)).abs() < 1e-15);
+        assert!(follow(zero(up, 4.0, 0.03), 1.0, 0.03, 0.0).abs() < 1e-15);
+        // A hop of the closest point, and back; what the motion explains is no hop.
+        let hop = follow(zero(0.01, 1.0, 0.03), 1.0, 0.05, 0.0);
+        assert!((hop - 0.03).abs() < 1e-15);
+        assert!((follow(zero(hop, 1.0, 0.05), 1.0, 0.03, 0.0) - 0.01).abs() < 1e-15);
+        assert_eq!(follow(zero(0.01, 1.0, 0.03), 1.0, 0.05, -0.02), 0.01);
     }
 
     #[test]

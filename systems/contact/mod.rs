@@ -32,7 +32,7 @@ pub(crate) use spec::{bounded, positive};
 use assemble::Gather;
 use braid_ecs::prelude::*;
 use kernel::Penalty;
-use law::Law;
+use law::{APART, Law};
 use lines::{Centrelines, Lines, joint_masses};
 use records::*;
 use search::Search;

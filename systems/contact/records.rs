@@ -95,9 +95,6 @@ pub struct PointForce {
     pub t: [f64; 2],
 }
 
-/// What [`LineState`] and [`PointState`] say of records that do not touch.
-pub const APART: f64 = -1.0;
-
 /// How many rows of the pools are in use.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LiveRecords {

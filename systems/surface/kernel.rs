@@ -8,7 +8,7 @@
 use super::records::*;
 use super::shape::{Edge, Shape};
 use crate::systems::contact::lane::V3;
-use crate::systems::contact::law::{Law, Memory, Response, Touch, respond};
+use crate::systems::contact::law::{Law, Memory, Response, Touch, Zero, respond};
 use crate::systems::contact::lines::{Centrelines, Lines, xyz};
 use crate::systems::contact::{curve, list};
 use braid_ecs::prelude::*;
@@ -135,11 +135,13 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
     let share = flat_share(shape, p.d.lane(0));
     let weight = if valid { edge_weight(edge, share, radius, lines.slots[j].length) } else { 0.0 };
     let overlap = radius + edge.radius - distance;
-    let offset = (state.offset * surface.keep).min(overlap.max(0.0));
     let h = now.tangent[j][3];
     let w = curve::weights(t, curve.range);
     let velocity = xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * h;
     let stiffness = surface.point_stiffness * weight;
+    let mut memory = Memory { slip: v3(state.slip), damper: state.damper };
+    let before = Zero { offset: state.offset * surface.keep, stiffness: state.stiffness, overlap: state.overlap };
+    let offset = before.follow(stiffness, overlap, velocity.dot(normal) * surface.law.dt, 2.0 * radius, &mut memory);
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
@@ -148,7 +150,7 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
         velocity: v3(velocity),
         mass: now.v[j][3] + (now.v[j + 1][3] - now.v[j][3]) * t.clamp(0.0, 1.0),
     };
-    let response = respond(&surface.law, &touch, &Memory { slip: v3(state.slip), damper: state.damper });
+    let response = respond(&surface.law, &touch, &memory);
     Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, place }
 }
 

@@ -34,7 +34,7 @@ pub struct EdgeRecord {
 }
 
 /// What an edge record remembers.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct EdgeState {
     /// Parameter of the point nearest to the edge.
     pub t: f64,
@@ -44,6 +44,17 @@ pub struct EdgeState {
     pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+    /// Stiffness of the step before, zero for a record just found, `APART` if it did not touch (force / length).
+    pub stiffness: f64,
+    /// Overlap of the step before; not a number for a record just found (length).
+    pub overlap: f64,
+}
+
+impl EdgeState {
+    /// Of a record just found.
+    pub fn at(t: f64) -> Self {
+        EdgeState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN }
+    }
 }
 
 /// How many rows of the pools are in use.

@@ -4,7 +4,7 @@ use super::records::*;
 use super::shape::Shape;
 use super::spec::{Mandrel, SurfaceSpec, Surfaces};
 use crate::systems::contact::images::Images;
-use crate::systems::contact::law::Law;
+use crate::systems::contact::law::{APART, Law};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::contact::records::{rehome, strayed};
 use crate::systems::contact::stiffness::{Spread, element_frequency, share_copies};
@@ -136,6 +136,8 @@ fn treat_overlap(world: &mut World) -> Result<(), String> {
         }
     }
     for (r, mut s) in world.query::<(&EdgeRecord, &mut EdgeState)>().iter_mut(world) {
+        // What touches at the start does so with its full stiffness.
+        s.stiffness = APART;
         if lenient.get(r.surface as usize) == Some(&true) {
             s.offset = f64::MAX;
         }
@@ -235,7 +237,7 @@ fn make_list(world: &mut World) {
     let wanted = |need: usize, have: usize| if need.max(1) > have { (need + need / 2).max(16) - have } else { 0 };
     let idle = (SurfaceRecord { surface: u32::MAX, node: u32::MAX }, SurfaceState::default());
     world.spawn_batch(vec![idle; wanted(nodes.len(), have.0)]);
-    let idle = (EdgeRecord { surface: u32::MAX, edge: u32::MAX, segment: u32::MAX }, EdgeState::default());
+    let idle = (EdgeRecord { surface: u32::MAX, edge: u32::MAX, segment: u32::MAX }, EdgeState::at(0.0));
     world.spawn_batch(vec![idle; wanted(edges.len(), have.1)]);
     for (new, (mut r, mut s)) in nodes.iter().zip(node_query.iter_mut(world)) {
         (*r, *s) = *new;
@@ -282,7 +284,7 @@ fn near_edges(surface: &Surface, k: u32, skin: f64, lines: &Lines, now: &Centrel
             let (segment, t, _) = rehome(lines, segment, t);
             let twice = out[from..].iter().any(|(r, s)| same_place(lines, (r.segment, s.t), (segment, t)).is_some_and(|d| d.abs() < 0.25));
             if !twice {
-                out.push((EdgeRecord { surface: k, edge: e as u32, segment }, EdgeState { t, ..EdgeState::default() }));
+                out.push((EdgeRecord { surface: k, edge: e as u32, segment }, EdgeState::at(t)));
             }
         }
         out[from..].sort_by_key(|(r, _)| r.segment);
@@ -390,7 +392,9 @@ fn forces(
     for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
         let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
-        *state = EdgeState { t: c.t, slip: c.response.memory.slip.lane(0), damper: c.response.memory.damper, offset: c.offset };
+        let (memory, overlap) = (c.response.memory, c.penetration + c.offset);
+        let stiffness = if overlap > 0.0 { c.stiffness } else { APART };
+        *state = EdgeState { t: c.t, slip: memory.slip.lane(0), damper: memory.damper, offset: c.offset, stiffness, overlap };
         *moved |= strayed(c.t);
         spread(&lines, &now, record.segment, c.t, c.response.force.lane(0), |slot, f| put(&lines, &lines.images, force, slot, f));
     }

@@ -22,6 +22,7 @@
 //! central differences. What is dissipated is accounted for: the work of the tensions less the
 //! change of the strain energy (`EnergyLedger::axial`).
 //! In compression the bar may turn as freely as in tension: nothing locks.
+use crate::systems::boundary::PrescribedRow;
 use crate::systems::constraint::Constraints;
 use crate::systems::integration::MassDamping;
 use braid_ecs::prelude::*;
@@ -79,6 +80,8 @@ pub struct AxialChains {
     /// Number of springs left to the explicit scheme.
     explicit: usize,
     border: Vec<f64>,
+    /// What prescribed motions add to the velocities in this step, by row; empty if there are none.
+    jumps: Vec<DVec3>,
     /// Longest time step that the scheme is trusted with (time).
     pub longest_step: f64,
 }
@@ -149,6 +152,7 @@ fn install(cx: &mut Install<'_>) {
         last: 0.0,
         explicit,
         border: vec![0.0; members],
+        jumps: Vec::new(),
         longest_step,
     });
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
@@ -312,6 +316,7 @@ fn solve_tensions(
     damping: Res<MassDamping>,
     mut constraints: ResMut<Constraints>,
     mut axial: ResMut<AxialChains>,
+    prescribed: Query<&PrescribedRow>,
     mut nodes: Query<NodeQuery>,
     mut bars: Query<BarQuery>,
 ) {
@@ -319,10 +324,18 @@ fn solve_tensions(
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
     let h = 0.5 * damping.0 * clock.kick();
     let step = Step { dt: clock.dt_next, kick: clock.kick() / (1.0 + h), whole_kick: clock.kick(), keep: (1.0 - h) / (1.0 + h) };
-    let AxialChains { chains, border, work, last, .. } = &mut *axial;
+    let AxialChains { chains, border, work, last, jumps, .. } = &mut *axial;
     let constraints = &mut *constraints;
+    if !prescribed.is_empty() {
+        jumps.clear();
+        jumps.resize(x.len(), DVec3::ZERO);
+        for p in prescribed.iter().filter(|p| p.dof < 3) {
+            jumps[p.row as usize][p.dof] = p.jump();
+        }
+    }
+    let jumps = &*jumps;
 
-    let solve = |c: &mut AxialChain| c.solve(step, (x, &*v, &*f, w), constraints);
+    let solve = |c: &mut AxialChain| c.solve(step, (x, &*v, &*f, w), jumps, constraints);
     if chains.len() > 1 && rayon::current_num_threads() > 1 && chains.iter().map(|c| c.bars.len()).sum::<usize>() > 1000 {
         chains.par_iter_mut().for_each(solve);
     } else {
@@ -424,20 +437,21 @@ type NodeSlices<'a> = (&'a [Position], &'a [Velocity], &'a [Force], &'a [Inverse
 
 impl AxialChain {
     /// Assembles the matrix, factorises it, and solves for y = A^-1 r and A^-1 gamma.
-    fn solve(&mut self, step: Step, (x, v, f, w): NodeSlices<'_>, constraints: &Constraints) {
+    fn solve(&mut self, step: Step, (x, v, f, w): NodeSlices<'_>, jumps: &[DVec3], constraints: &Constraints) {
         let h2 = step.dt * step.kick;
         // Kicked velocity of an end, and what the kick has added to it.
+        let jump = |row: usize| jumps.get(row).copied().unwrap_or(DVec3::ZERO);
         let end = |row: u32, carrier: u32| -> (DVec3, DVec3) {
             let c = carrier as usize;
-            let (mut velocity, mut kicked) = (v[c].0, w[c].0 * f[c].0);
+            let (mut velocity, mut kicked) = (v[c].0, w[c].0 * f[c].0 * step.kick + jump(c));
             if row != carrier {
                 let carried = constraints.carried(row as usize).expect("chains run through carried rows only");
                 for d in carried.dummies {
                     velocity += v[d].0;
-                    kicked += w[d].0 * f[d].0;
+                    kicked += w[d].0 * f[d].0 * step.kick + jump(d);
                 }
             }
-            (velocity, kicked * step.kick)
+            (velocity, kicked)
         };
         for b in &mut self.bars {
             let d = x[b.rows[1] as usize].0 - x[b.rows[0] as usize].0;

@@ -23,6 +23,7 @@ pub fn default_plugins(sim: &mut Simulation) {
     bending::plugin(sim);
     contact::plugin(sim);
     surface::plugin(sim);
+    boundary::inertia_plugin(sim);
     constraint::plugin(sim);
     integration::plugin(sim);
     boundary::plugin(sim);

@@ -33,7 +33,7 @@ fn a_run_prints_a_table_and_refuses_to_overwrite_its_results() {
     let dir = folder_with(STRIP);
     let (code, out, err) = parts(&program(dir.path(), &["strip.ron", "--threads", "1"]));
     assert_eq!(code, 0, "{err}");
-    for part in ["completed at t = ", "1 thread", "beam at node", "balance error", "tip", "results/strip"] {
+    for part in ["completed at t = ", "1 thread", "the implicit axial scheme", "balance error", "tip", "results/strip"] {
         assert!(out.contains(part), "{part} is missing in\n{out}");
     }
     let summary = dir.path().join("results/strip/summary.json");
@@ -53,7 +53,7 @@ fn check_tells_sizes_and_time_step_and_writes_nothing() {
     let dir = folder_with(STRIP);
     let (code, out, err) = parts(&program(dir.path(), &["check", "strip.ron"]));
     assert_eq!(code, 0, "{err}");
-    for part in ["6 (0 dummy", "5 beam", "limit", "by beam at node", "steps", "about"] {
+    for part in ["6 (0 dummy", "5 beam", "limit", "by the implicit axial scheme", "steps", "about"] {
         assert!(out.contains(part), "{part} is missing in\n{out}");
     }
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);

@@ -44,6 +44,8 @@ pub struct Search {
     /// Time for which the list is made, and how much of it is over.
     horizon: f64,
     elapsed: f64,
+    /// How far the boxes look ahead: the horizon, or nothing while nothing moves.
+    ahead: f64,
     /// Positions when the list was made, and the forecast of their velocities, by slot.
     reference: Vec<DVec3>,
     forecast: Vec<DVec3>,
@@ -145,7 +147,7 @@ impl Search {
         if !self.bvh.is_empty() {
             let root = self.bvh.root_aabb();
             for image in lines.images.half() {
-                let (from, to) = (now.shift[image], now.shift[image] + self.forecast_shift[image] * self.horizon);
+                let (from, to) = (now.shift[image], now.shift[image] + self.forecast_shift[image] * self.ahead);
                 let (low, high) = (from.min(to), from.max(to));
                 if (0..3).any(|k| root.maxs[k] < root.mins[k] + low[k] || root.maxs[k] + high[k] < root.mins[k]) {
                     continue;
@@ -189,11 +191,11 @@ impl Search {
             self.forecast.fill(DVec3::ZERO);
             self.forecast_shift.fill(DVec3::ZERO);
         }
-        let ahead = if self.horizon.is_finite() { self.horizon } else { 0.0 };
+        self.ahead = if self.horizon.is_finite() { self.horizon } else { 0.0 };
         self.middle.clear();
-        self.middle.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * (0.5 * ahead)));
+        self.middle.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * (0.5 * self.ahead)));
         self.end.clear();
-        self.end.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * ahead));
+        self.end.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * self.ahead));
     }
 
     /// How far each centreline leaves its chord on the way: at most 4/27 of what the tangents differ from it.
@@ -230,8 +232,8 @@ impl Search {
         let (a, b, image) = (c.a as usize, c.b as usize, c.image as usize);
         let (x, y) = (&self.middle, |i: usize| self.middle[i] - self.reference[i]);
         let (mut shift, mut approach) = (now.shift[image], 0.0f64);
-        if self.horizon.is_finite() {
-            let half = self.forecast_shift[image] * (0.5 * self.horizon);
+        if self.ahead > 0.0 {
+            let half = self.forecast_shift[image] * (0.5 * self.ahead);
             shift += half;
             for (i, j) in [(a, b), (a, b + 1), (a + 1, b), (a + 1, b + 1)] {
                 approach = approach.max((y(i) - y(j) - half).length_squared());

@@ -4,7 +4,7 @@
 use braid_ecs::prelude::*;
 use braid_ecs::systems::contact::assemble::*;
 use braid_ecs::systems::contact::kernel::*;
-use braid_ecs::systems::contact::law::Law;
+use braid_ecs::systems::contact::law::{APART, Law};
 use braid_ecs::systems::contact::lines::*;
 use braid_ecs::systems::contact::list::*;
 use braid_ecs::systems::contact::records::*;
@@ -80,6 +80,9 @@ impl Rig {
             rehomed: 0,
         };
         rig.rebuild();
+        // What touches at the start does so with its full stiffness.
+        rig.line.1.iter_mut().for_each(|s| s.stiffness = APART);
+        rig.point.1.iter_mut().for_each(|s| s.stiffness = APART);
         rig
     }
 

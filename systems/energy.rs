@@ -19,6 +19,7 @@ fn install(cx: &mut Install<'_>) {
     cx.world.init_resource::<EnergyLedger>();
     cx.world.insert_resource(MonitorEvery(u64::from(cx.model.integration.monitor_every.max(1))));
     cx.world.insert_resource(LookNow(true));
+    cx.world.init_resource::<Supply>();
     cx.add_system(StepSet::Monitor, take_energies);
 }
 
@@ -56,6 +57,32 @@ pub fn take_energies(world: &mut World) {
     }
     ledger.kinetic = kinetic;
     ledger.strain = strain;
+    let (stored, supply) = (kinetic + strain + ledger.contact, ledger.initial + ledger.external_work);
+    let mut peak = world.resource_mut::<Supply>();
+    peak.0 = peak.0.max(supply);
+    let supply = peak.0;
+    if clock.step >= SETTLED && supply > 0.0 && stored > RUNAWAY * supply {
+        let fastest = fastest_node(world);
+        let what = format!("has run away: the model holds {stored:.3e} of energy, and only {supply:.3e} was put in");
+        let message = blame(world, fastest, &what);
+        world.resource_mut::<Failure>().0.get_or_insert(message);
+    }
+}
+
+/// Largest energy that was ever put in (force x length).
+#[derive(Resource, Clone, Copy, Debug, Default)]
+struct Supply(f64);
+
+/// Energy over what was put in from which a run counts as runaway, and the steps until it is looked at:
+/// in the first ones the work of the loads lags half a step behind.
+const RUNAWAY: f64 = 10.0;
+const SETTLED: u64 = 100;
+
+/// Row of the node with the largest kinetic energy.
+fn fastest_node(world: &mut World) -> usize {
+    let mut nodes = world.query::<(&Velocity, &Mass)>();
+    let energy = nodes.iter(world).map(|(v, m)| m.0 * v.0.length_squared()).enumerate();
+    energy.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(row, _)| row)
 }
 
 fn kinetic_energy(world: &mut World, back: f64) -> f64 {
@@ -94,13 +121,19 @@ fn not_finite(world: &mut World) -> Option<String> {
         }
     }
     let (row, what) = found?;
+    Some(blame(world, row, what))
+}
+
+/// What is wrong with a node, where it sits, and the likely causes.
+fn blame(world: &World, row: usize, what: &str) -> String {
+    let clock = world.resource::<Clock>();
     let id = world.resource::<NodeRows>().id(row);
     let place = world.get_resource::<NodePlaces>().and_then(|p| p.0.get(id.row()).cloned().flatten());
     let place = place.map_or(String::new(), |p| format!(" ({p})"));
-    Some(format!(
+    format!(
         "node {}{place} {what}; the time step {:.3e} was limited by {} to {:.3e}. Likely causes: a time step above the stable limit, a contact far stiffer than its nodes are heavy, or a load without support. Try integration: (safety: 0.5)",
         id.0, clock.dt, clock.limited_by, clock.dt_limit
-    ))
+    )
 }
 
 /// Where nodes sit ("tow 3, filament 2, node 17"), for messages.

@@ -16,6 +16,8 @@ pub enum Failure {
     Simulation(SimulationError),
     /// A result cannot be written.
     Output(OutputError),
+    /// The user has stopped the run; its results are kept.
+    Interrupted,
 }
 
 impl Failure {
@@ -35,6 +37,7 @@ impl Failure {
             Failure::Simulation(SimulationError::Numerical { .. }) => 5,
             Failure::Simulation(_) => 3,
             Failure::Output(_) => 4,
+            Failure::Interrupted => 130,
         }
     }
 
@@ -47,6 +50,7 @@ impl Failure {
                 format!("error: {e}\n  help: choose another folder with --out DIR, or add --force to move the old results aside")
             }
             Failure::Output(e) => format!("error: {e}"),
+            Failure::Interrupted => "stopped before its end; the results so far are kept".into(),
         }
     }
 }

@@ -7,6 +7,7 @@
 //! | 3 | the scene is invalid |
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run; what was computed is kept |
+//! | 130 | stopped with Ctrl-C; what was computed is kept |
 mod check;
 mod message;
 mod progress;
@@ -23,7 +24,7 @@ use std::process::ExitCode;
 /// Simulates dry-fibre braids and filament bundles.
 #[derive(Parser, Debug)]
 #[command(name = "braid-ecs", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure.")]
+#[command(after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 130 stopped with Ctrl-C.")]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,

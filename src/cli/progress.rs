@@ -8,6 +8,7 @@ use crate::step::Clock;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::VecDeque;
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Seconds between plain lines.
@@ -129,6 +130,24 @@ pub(super) fn duration_text(seconds: f64) -> String {
     }
 }
 
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// True once the user has pressed Ctrl-C.
+pub(super) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// The first Ctrl-C lets the run stop in order, with all its files; the second one ends the program.
+pub(super) fn catch_interrupts() {
+    // Where no handler can be set, Ctrl-C ends the program as ever.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        message::line("stopping after this step; press Ctrl-C again to give up the results");
+    });
+}
+
 /// Hands samples to the recorder and shows the progress.
 pub(super) struct Watcher<'a, 'b> {
     /// The recorder.
@@ -145,7 +164,7 @@ impl Observer for Watcher<'_, '_> {
         Ok(())
     }
     fn stop_requested(&self) -> bool {
-        self.recorder.stop_requested()
+        self.recorder.stop_requested() || interrupted()
     }
 }
 

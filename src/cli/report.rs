@@ -20,6 +20,9 @@ fn value(v: Option<f64>) -> String {
     }
 }
 
+/// Penetration over the radius that is warned of: 2 % of the diameter.
+const DEEP: f64 = 0.04;
+
 /// The outcome as text.
 fn table(o: &Outcome) -> String {
     let s = &o.summary;
@@ -52,6 +55,10 @@ fn table(o: &Outcome) -> String {
     let figures: Vec<String> = figures.into_iter().filter_map(|(n, v)| v.map(|v| format!("{n} {v}"))).collect();
     if !figures.is_empty() {
         row("quality", figures.join(", "));
+    }
+    if let Some(depth) = q.max_penetration_to_radius.filter(|d| *d > DEEP) {
+        let half = percent(Some(0.5 * depth));
+        row("warning", format!("filaments overlap by up to {half} of the diameter; a stiffer contact is advised above 2 %"));
     }
     for (name, v, unit) in o.probes.table() {
         row(name, format!("{} {unit}", value(v)));

@@ -1,6 +1,6 @@
 //! `braid-ecs SCENE`: runs a scene.
 use super::message::{self, Failure};
-use super::progress::{Progress, Watcher};
+use super::progress::{Progress, Watcher, catch_interrupts, interrupted};
 use super::{SceneArgs, report};
 use crate::model::Model;
 use crate::output::{Outcome, Recorder, file, timing};
@@ -35,7 +35,7 @@ pub(super) fn run(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin + Send
     if !args.quiet {
         report::print(&outcome);
     }
-    Ok(())
+    if interrupted() { Err(Failure::Interrupted) } else { Ok(()) }
 }
 
 fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<Outcome, Failure> {
@@ -64,6 +64,7 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
     // Often enough for the progress to move, and for the recorder.
     let interval = recorder.interval(dt).min(duration.unwrap_or(f64::INFINITY) / 400.0);
     let progress = Progress::new(duration, loaded.scene.units.time(), args.quiet);
+    catch_interrupts();
     let mut watcher = Watcher { recorder: &mut recorder, progress };
     let ended = run::continue_run(&mut sim, model, interval, &mut watcher);
     watcher.progress.clear();

@@ -35,6 +35,8 @@ pub struct ContactReport {
     pub normal: DVec3,
     /// Distance of the surfaces, negative in contact (length).
     pub gap: f64,
+    /// Part of the overlap that is free of force (length).
+    pub offset: f64,
     /// Smaller radius (length).
     pub radius: f64,
     /// Normal force (force).
@@ -68,6 +70,7 @@ fn report(penalty: &Penalty, c: &Contact<f64>, place: DVec3, names: (usize, usiz
         place,
         normal,
         gap: -c.penetration - c.offset,
+        offset: c.offset,
         radius,
         normal_force: r.normal_force,
         friction_force,
@@ -143,6 +146,25 @@ fn look(world: &mut World) {
     }
 }
 
+/// Penetration under load that stops a run, in radii: half a diameter.
+const DEEPEST: f64 = 1.0;
+
+fn too_deep(c: &ContactReport) -> String {
+    let bodies = match c.kind {
+        ContactKind::Line | ContactKind::Point => format!("filaments {} and {} press", c.filament, c.other),
+        ContactKind::Surface | ContactKind::Edge => format!("filament {} presses into surface {}", c.filament, c.other),
+    };
+    let p = c.place;
+    format!(
+        "{bodies} {:.0} % of the radius deep at ({:.4e}, {:.4e}, {:.4e}): soon they would pass through each other. \
+         The contact is too soft for the load: raise its stiffness (contact: (stiffness: ...)), or apply the load more slowly",
+        100.0 * (-c.gap - c.offset) / c.radius,
+        p.x,
+        p.y,
+        p.z
+    )
+}
+
 /// Takes the summary and the elastic energy of all contacts now.
 pub fn summarise(world: &mut World) {
     let contacts = all_contacts(world);
@@ -151,6 +173,10 @@ pub fn summarise(world: &mut World) {
     summary.rebuilds = world.get_resource::<Search>().map_or(0, |s| s.rebuilds);
     let mut depths = Vec::new();
     let mut energy = 0.0;
+    if let Some(deep) = contacts.iter().filter(|c| c.normal_force > 0.0).find(|c| -c.gap - c.offset > DEEPEST * c.radius) {
+        let message = too_deep(deep);
+        world.resource_mut::<Failure>().0.get_or_insert(message);
+    }
     for c in &contacts {
         energy += c.energy;
         if c.normal_force > 0.0 {

@@ -464,6 +464,7 @@ pub fn surface_contacts(world: &mut World) -> Vec<ContactReport> {
             place: c.place,
             normal: c.normal,
             gap: -c.penetration - c.offset,
+            offset: c.offset,
             radius,
             normal_force: r.normal_force,
             friction_force,

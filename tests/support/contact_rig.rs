@@ -80,10 +80,14 @@ impl Rig {
             rehomed: 0,
         };
         rig.rebuild();
-        // What touches at the start does so with its full stiffness.
-        rig.line.1.iter_mut().for_each(|s| s.stiffness = APART);
-        rig.point.1.iter_mut().for_each(|s| s.stiffness = APART);
+        rig.touch();
         rig
+    }
+
+    /// Lets what touches now do so with its full stiffness, as at the start of a run.
+    pub fn touch(&mut self) {
+        self.line.1.iter_mut().for_each(|s| s.stiffness = APART);
+        self.point.1.iter_mut().for_each(|s| s.stiffness = APART);
     }
 
     pub fn refresh(&mut self) {

@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::scene::LoadedScene;
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
-use crate::systems::surface::shape::{Section, Shape};
+use crate::systems::surface::shape::{Body, Section, Shape};
 use crate::systems::surface::{Mandrel, SurfaceSpec, Surfaces};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
@@ -91,8 +91,8 @@ fn heights(model: &Model) -> Heights {
     let first = surface_specs(model).into_iter().next();
     let Some(shape) = first.and_then(|spec| Shape::new(&spec).ok()) else { return Heights::Radial };
     let along_z = shape.frame.z_axis.cross(DVec3::Z) == DVec3::ZERO;
-    match &shape.section {
-        Section::Polygon(corners, edge) if along_z => {
+    match &shape.body {
+        Body::Bar(Section::Polygon(corners, edge)) if along_z => {
             let face = |(i, c): (usize, &DVec2)| {
                 let n = outward(*c, corners[(i + 1) % corners.len()]);
                 let normal = shape.lift(n);
@@ -129,14 +129,15 @@ pub fn probes(loaded: &LoadedScene) -> Vec<(String, Probe)> {
     loaded.probes.clone()
 }
 
-/// Rigid surfaces of a model, for pictures.
+/// Rigid surfaces of a model, for pictures; frustums and solids are not drawn.
 pub fn surfaces(model: &Model) -> Vec<Surface> {
     surface_specs(model)
         .iter()
         .filter_map(|spec| {
             let shape = Shape::new(spec).ok()?;
             let axis = shape.frame.z_axis;
-            Some(match &shape.section {
+            let Body::Bar(section) = &shape.body else { return None };
+            Some(match section {
                 Section::HalfPlane => Surface::Plane { point: shape.origin, normal: shape.frame.x_axis },
                 Section::Circle(radius) => Surface::Cylinder { centre: shape.origin, axis, radius: *radius },
                 Section::Polygon(corners, edge) => {

@@ -94,7 +94,8 @@ fn damping() -> Ratio {
     Ratio(0.05)
 }
 
-/// Shapes. Prisms and cylinders are infinitely long along their axis.
+/// Shapes. Prisms and cylinders are infinitely long along their axis; the others have their origin at
+/// the surface's position and their own z along its axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ShapeSpec {
@@ -131,6 +132,28 @@ pub enum ShapeSpec {
         /// Radius of the edges (length), 0 for sharp ones. Default 0.
         #[serde(default)]
         edge_radius: Length,
+    },
+    /// A tapered round bar of finite length, from the position along the axis.
+    Frustum {
+        /// Radius at the position (length).
+        start_radius: Length,
+        /// Radius at the other end (length).
+        end_radius: Length,
+        /// Length (length).
+        length: Length,
+    },
+    /// A ball.
+    Sphere {
+        /// Radius (length).
+        radius: Length,
+    },
+    /// Any closed body, as a mesh of triangles.
+    Mesh {
+        /// Corners (length).
+        #[serde(with = "braid_ecs::scene::units::lists")]
+        vertices: Vec<[Length; 3]>,
+        /// Numbers of three vertices each, counter-clockwise seen from outside.
+        triangles: Vec<[u32; 3]>,
     },
 }
 
@@ -171,6 +194,6 @@ impl SurfaceSpec {
         if !axis.is_finite() || axis == DVec3::ZERO {
             return Err(SpecError::new("axis", "the axis needs a direction").help("[0, 0, 1] is the z axis"));
         }
-        super::shape::Section::new(&self.shape).map(|_| ())
+        super::shape::Body::new(&self.shape).map(|_| ())
     }
 }

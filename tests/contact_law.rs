@@ -182,3 +182,39 @@ fn a_closed_loop_takes_no_work() {
     assert!(net.abs() < 1e-5 * gross, "net {net:e} of {gross:e}");
     assert!((rig.force_on(&model, a) + rig.force_on(&model, b)).length() < 1e-12);
 }
+
+/// Four lanes at a time or one by one: the same bits, touching or not.
+#[test]
+fn the_vector_kernel_gives_the_bits_of_the_scalar_one() {
+    use braid_ecs::systems::contact::assemble::{evaluate_lines, of_line};
+    let mut model = Model::new("");
+    let mut noise = Noise(11);
+    for k in 0..7 {
+        let across = DVec3::new(0.0, (k % 3) as f64, (k / 3) as f64) * 0.97;
+        let points: Vec<DVec3> = straight(across, DVec3::X * 1.5, 23).iter().map(|p| *p + noise.vector() * 0.06).collect();
+        filament(&mut model, &points, R);
+    }
+    let mut rig = Rig::new(&model, settings(1.0, 1.5), 1.0);
+    rig.settings.law.friction = 0.3;
+    rig.settings.law.damping = 0.1;
+    rig.v.iter_mut().for_each(|v| v.0 = noise.vector());
+    let mut touching = 0;
+    for _ in 0..20 {
+        for (x, v) in rig.x.iter_mut().zip(&rig.v) {
+            x.0 += v.0 * 2e-3;
+        }
+        rig.refresh();
+        rig.settings.law.dt = 2e-3;
+        let (records, before) = (rig.line.0.clone(), rig.line.1.clone());
+        assert!(records.len() > 100 && records.len() % 4 != 0, "{} records", records.len());
+        evaluate_lines(&rig.settings, &rig.lines, &rig.now, &records, &mut rig.line.1, &mut rig.line.2);
+        for (k, (record, state)) in records.iter().zip(&before).enumerate() {
+            let one = of_line(&rig.settings, &rig.lines, &rig.now, record, state);
+            let f = one.response.force;
+            assert_eq!(rig.line.2[k].0.map(f64::to_bits), [f.x, f.y, f.z, one.t[1]].map(f64::to_bits), "record {k}");
+            assert_eq!(rig.line.1[k].slip, one.response.memory.slip.lane(0));
+            touching += usize::from(one.response.normal_force > 0.0);
+        }
+    }
+    assert!(touching > 200, "{touching} touch");
+}

@@ -1,7 +1,8 @@
-//! Frames for ParaView: the lines of the model with their state.
+//! Frames for ParaView: the lines of the model with their state, and the contacts.
 use super::lines::Lines;
 use super::vtp::{DataArray, Polylines, Values};
 use crate::assembly::node_states;
+use crate::systems::contact::{ContactKind, all_contacts};
 use bevy_ecs::prelude::World;
 use glam::DQuat;
 
@@ -36,4 +37,34 @@ pub fn frame(lines: &Lines, world: &mut World, provenance: &[(String, String)]) 
     }
     out.field_data = provenance.iter().map(|(k, v)| DataArray::text(k.clone(), v.clone())).collect();
     out
+}
+
+/// All places where filaments and surfaces touch or are less than a radius apart: one short line each, from
+/// the place along the normal, with the arrays `kind` (0 side by side, 1 crossing, 2 on a surface, 3 over an
+/// edge), `filament`, `other` (filament or surface), `gap`, `normal_force`, `friction_force`, `angle`
+/// (degrees between the centrelines) and `slides`.
+pub fn contact_frame(world: &mut World, provenance: &[(String, String)]) -> Polylines {
+    let contacts = all_contacts(world);
+    let number = |kind: ContactKind| match kind {
+        ContactKind::Line => 0,
+        ContactKind::Point => 1,
+        ContactKind::Surface => 2,
+        ContactKind::Edge => 3,
+    };
+    Polylines {
+        points: contacts.iter().flat_map(|c| [c.place, c.place + c.normal * c.radius]).collect(),
+        lengths: vec![2; contacts.len()],
+        point_data: Vec::new(),
+        line_data: vec![
+            DataArray::integers("kind", contacts.iter().map(|c| number(c.kind))),
+            DataArray::integers("filament", contacts.iter().map(|c| c.filament as i64)),
+            DataArray::integers("other", contacts.iter().map(|c| c.other as i64)),
+            DataArray::scalars("gap", contacts.iter().map(|c| c.gap)),
+            DataArray::scalars("normal_force", contacts.iter().map(|c| c.normal_force)),
+            DataArray::vectors("friction_force", contacts.iter().map(|c| c.friction_force)),
+            DataArray::scalars("angle", contacts.iter().map(|c| c.angle.to_degrees())),
+            DataArray::integers("slides", contacts.iter().map(|c| i64::from(c.slides))),
+        ],
+        field_data: provenance.iter().map(|(k, v)| DataArray::text(k.clone(), v.clone())).collect(),
+    }
 }

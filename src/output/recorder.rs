@@ -5,12 +5,13 @@
 //! | `scene.resolved.ron` | at the start: the scene with every default filled in |
 //! | `history.csv` | a row per sample |
 //! | `frames/*.vtp`, `results.pvd` | a frame per sample |
+//! | `frames/contacts_*.vtp`, `contacts.pvd` | the contacts of each frame: gap, forces, angle, kind, stick or slip |
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
 use super::expected::{Comparison, compare};
 use super::file::{OutputError, write_atomic};
-use super::frame::frame;
+use super::frame::{contact_frame, frame};
 use super::history::{Column, History};
 use super::lines::Lines;
 use super::measured::{Probes, measures, probes, surfaces};
@@ -18,7 +19,7 @@ use super::picture::Scenery;
 use super::plot::{Axis, Plot, Series, panels};
 use super::render::render;
 use super::sampling::Sampler;
-use super::summary::{DtLimit, Energies, Quality, Summary, cpu_seconds, finite, state_hash};
+use super::summary::{DtLimit, Energies, Lists, Quality, Summary, cpu_seconds, finite, state_hash};
 use super::{quality, timing, vtp};
 use crate::assembly::{KindReports, node_states};
 use crate::ledger::{ContactSummary, EnergyLedger};
@@ -52,6 +53,7 @@ pub struct Recorder<'a> {
     history_sampler: Sampler,
     frame_sampler: Sampler,
     frames: Vec<(f64, String)>,
+    contact_frames: Vec<(f64, String)>,
     plots: bool,
     started: bool,
     /// Step of the last history row and of the last frame.
@@ -94,6 +96,7 @@ impl<'a> Recorder<'a> {
             history_sampler: Sampler::new(output.history, duration),
             frame_sampler: Sampler::new(output.frames, duration),
             frames: Vec::new(),
+            contact_frames: Vec::new(),
             plots: output.plots,
             started: false,
             last: (None, None),
@@ -176,6 +179,12 @@ impl<'a> Recorder<'a> {
         self.last.1 = Some(step);
         let name = format!("frames/{:04}.vtp", self.frames.len());
         vtp::write(&self.folder.join(&name), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
+        if sim.world.contains_resource::<ContactSummary>() {
+            let name = format!("frames/contacts_{:04}.vtp", self.frames.len());
+            vtp::write(&self.folder.join(&name), &contact_frame(&mut sim.world, &self.provenance), time)?;
+            self.contact_frames.push((time, name));
+            vtp::write_series(&self.folder.join("contacts.pvd"), &self.contact_frames)?;
+        }
         self.frames.push((time, name));
         vtp::write_series(&self.folder.join("results.pvd"), &self.frames)
     }
@@ -269,6 +278,10 @@ impl<'a> Recorder<'a> {
             nodes: self.model.nodes.len(),
             elements,
             contacts: contacts.active,
+            lists: match contacts.rebuilds {
+                0 => Lists::default(),
+                n => Lists { rebuilds: Some(n), steps_per_list: finite(clock.step as f64 / n as f64), records: Some(contacts.records) },
+            },
             threads: rayon::current_num_threads(),
             wall_s: wall,
             cpu_s: cpu,

@@ -12,6 +12,7 @@
 //! | `energy` | energies since the start in the scene's unit, `balance_error` relative |
 //! | `quality` | see [`Quality`] |
 //! | `measures` | `length`, `angle`, `thickness`, … : mean, half width of the 95 % interval, number of values, unit |
+//! | `lists` | neighbour lists of the contacts between filaments; see [`Lists`] |
 //! | `probes` | name: value |
 //! | `state_hash` | 32 bytes in hexadecimal over the state of all nodes; see [`state_hash`] |
 //!
@@ -66,6 +67,17 @@ pub struct Quality {
     pub p99_penetration_to_radius: Option<f64>,
 }
 
+/// Neighbour lists of the contacts between filaments; null without such contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lists {
+    /// Times the list was made.
+    pub rebuilds: Option<u64>,
+    /// Mean number of steps that a list lasted.
+    pub steps_per_list: Option<f64>,
+    /// Records of nodes and crossings in the last list.
+    pub records: Option<usize>,
+}
+
 /// A measured quantity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
@@ -102,6 +114,7 @@ pub struct Summary {
     pub energy: Energies,
     pub quality: Quality,
     pub measures: BTreeMap<String, Measure>,
+    pub lists: Lists,
     pub probes: BTreeMap<String, Option<f64>>,
     pub state_hash: String,
 }
@@ -164,7 +177,7 @@ mod tests {
         let json: serde_json::Value = serde_json::to_value(&s).unwrap();
         let keys = |v: &serde_json::Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ");
         let mut top: Vec<&str> = "scene version status time steps dt dt_limit nodes elements contacts threads wall_s cpu_s \
-            element_steps_per_s share energy quality measures probes state_hash"
+            element_steps_per_s share energy quality measures lists probes state_hash"
             .split_whitespace()
             .collect();
         top.sort_unstable();
@@ -175,6 +188,7 @@ mod tests {
             keys(&json["quality"]),
             "dummy_balance force_residual kinetic_to_work max_penetration_to_radius p99_penetration_to_radius"
         );
+        assert_eq!(keys(&json["lists"]), "rebuilds records steps_per_list");
         assert_eq!(keys(&json["measures"]["length"]), "ci95 mean n unit");
         assert!(json["probes"]["tip"].is_null());
         assert_eq!(serde_json::from_value::<Summary>(json).unwrap(), s);

@@ -1,0 +1,79 @@
+//! Bundles squeezed and let go: contact with friction makes no energy, and has the same bits on any number of threads.
+use braid_ecs::prelude::*;
+use braid_ecs::run;
+use braid_ecs::scene;
+use braid_ecs::systems::default_plugins;
+
+/// A hexagonal bundle of beams whose outer filaments are pressed inwards for a while and then let go.
+fn bundle(filaments: usize) -> scene::LoadedScene {
+    // Filaments of a hexagon come ring by ring: the last ring is pressed.
+    let rings = [(1, 7), (7, 19), (19, 37)].into_iter().find(|r| r.1 == filaments).expect("a full hexagon");
+    let loads: Vec<String> = (rings.0..rings.1)
+        // The directions are found from the places below.
+        .map(|f| format!("(nodes: [\"b.{f}[4]\"], force: FORCE{f}, amplitude: \"squeeze\")"))
+        .collect();
+    let text = format!(
+        r#"(
+        units: Consistent,
+        materials: {{ "m": (young: 1e4, poisson: 0.3, density: 1) }},
+        bundles: [(name: "b", filaments: {filaments}, radius: 0.1, length: 4, elements: 8, gap: 1.01, perturbation: 0.01, material: "m",
+                   start: Clamped, end: Clamped)],
+        loads: [{}],
+        amplitudes: {{ "squeeze": Table([(0, 0), (2, 1), (4, 1), (4.1, 0)]) }},
+        contact: (friction: 0.3),
+        stop: (time: 8),
+    )"#,
+        loads.join(", ")
+    );
+    let registry = Simulation::new(default_plugins).registry;
+    let places = {
+        let mut bare = text.clone();
+        for f in rings.0..rings.1 {
+            bare = bare.replace(&format!("FORCE{f},"), "[0, 0, 0],");
+        }
+        let loaded = scene::load_text("bundle.ron", bare, &[], &registry).unwrap_or_else(|e| panic!("{e}"));
+        loaded.model.filaments.iter().map(|f| loaded.model.nodes[f.nodes[4].row()].position).collect::<Vec<_>>()
+    };
+    let mut loaded = text;
+    for (f, place) in places.iter().enumerate().take(rings.1).skip(rings.0) {
+        let push = DVec3::new(place.x, place.y, 0.0).normalize() * -0.1;
+        loaded = loaded.replace(&format!("FORCE{f},"), &format!("[{}, {}, 0],", push.x, push.y));
+    }
+    scene::load_text("bundle.ron", loaded, &[], &registry).unwrap_or_else(|e| panic!("{e}"))
+}
+
+struct Watch(f64, f64);
+
+impl run::Observer for Watch {
+    fn sample(&mut self, sim: &mut Simulation) -> Result<(), braid_ecs::simulation::SimulationError> {
+        sim.refresh_energies();
+        let ledger = sim.world.resource::<EnergyLedger>();
+        self.0 = self.0.max(ledger.external_work.abs());
+        self.1 = self.1.max(ledger.imbalance().abs());
+        Ok(())
+    }
+}
+
+#[test]
+fn squeezing_and_letting_go_makes_no_energy() {
+    for filaments in [7, 19, 37] {
+        let loaded = bundle(filaments);
+        let outcome = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                let mut sim = Simulation::new(default_plugins);
+                sim.build(&loaded.model).expect("a sound model");
+                let mut watch = Watch(0.0, 0.0);
+                run::run(&mut sim, &loaded.model, 0.1, &mut watch).expect("a stable run");
+                let bits: Vec<_> = node_states(&mut sim.world).iter().map(|s| s.x.to_array().map(f64::to_bits)).collect();
+                (watch, sim.world.resource::<EnergyLedger>().friction, bits)
+            })
+        };
+        let (watch, friction, bits) = outcome(1);
+        assert!(watch.0 > 0.0 && friction > 1e-3 * watch.0, "{filaments}: they have rubbed, {friction} of {}", watch.0);
+        assert!(watch.1 < 5e-3 * watch.0, "{filaments} filaments: {} of {} is missing", watch.1, watch.0);
+        for threads in [2, 5] {
+            assert!(outcome(threads).2 == bits, "{filaments} filaments, {threads} threads");
+        }
+    }
+}

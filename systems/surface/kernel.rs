@@ -6,7 +6,8 @@
 //! body, whatever the nodes beside it do, and a weight that changes with the place would make
 //! energy out of nothing.
 use super::records::*;
-use super::shape::{Edge, Shape};
+use super::section::Edge;
+use super::shape::Shape;
 use crate::systems::contact::lane::V3;
 use crate::systems::contact::law::{Law, Memory, Response, Touch, Zero, respond};
 use crate::systems::contact::lines::{Centrelines, Lines, xyz};

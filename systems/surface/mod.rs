@@ -5,6 +5,7 @@
 //! filaments. Surfaces rest.
 pub mod kernel;
 pub mod records;
+pub mod section;
 pub mod shape;
 mod spec;
 mod systems;

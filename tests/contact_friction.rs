@@ -30,7 +30,6 @@ fn states(sim: &mut Simulation, nodes: &[NodeId]) -> Vec<NodeState> {
 fn capstan(elements: usize) -> f64 {
     let (big, r, tail) = (1.0, 0.02, 8);
     let length = PI * (big + r) / elements as f64;
-    let mut m = Model::new("capstan");
     let mut points = Vec::new();
     for i in (1..=tail).rev() {
         points.push(DVec3::new(-(big + r), -(i as f64) * length, 0.0));
@@ -42,8 +41,40 @@ fn capstan(elements: usize) -> f64 {
     for i in 1..=tail {
         points.push(DVec3::new(big + r, -(i as f64) * length, 0.0));
     }
-    let nodes = string(&mut m, &points, r);
-    let mut surface = SurfaceSpec::new(ShapeSpec::Cylinder { radius: Length(big) });
+    dragged(ShapeSpec::Cylinder { radius: Length(big) }, &points, r, length)
+}
+
+/// The same for a string up one side of a square bar, over its top and down the other side.
+fn belt(elements: usize, edge_radius: f64) -> f64 {
+    let (half, r) = (1.0, 0.02);
+    let (flat, round) = (half - edge_radius, edge_radius + r);
+    // Way along the string: up, a corner, the top, a corner, down.
+    let (side, corner) = (1.0, 0.5 * PI * round);
+    let whole = 2.0 * side + 2.0 * corner + 2.0 * flat;
+    let length = whole / elements as f64;
+    let at = |s: f64| {
+        let mirror = s > 0.5 * whole;
+        let s = if mirror { whole - s } else { s };
+        let (x, y) = if s < side {
+            (-half - r, flat - side + s)
+        } else if s < side + corner {
+            let a = (s - side) / round;
+            (-flat - round * a.cos(), flat + round * a.sin())
+        } else {
+            (-flat + s - side - corner, half + r)
+        };
+        DVec3::new(if mirror { -x } else { x }, y, 0.0)
+    };
+    let points: Vec<DVec3> = (0..=elements).map(|i| at(i as f64 * length)).collect();
+    dragged(ShapeSpec::Square { side: Length(2.0 * half), edge_radius: Length(edge_radius) }, &points, r, length)
+}
+
+/// Tension ratio of a string that is held by a weight at its start and dragged at its end.
+fn dragged(shape: ShapeSpec, points: &[DVec3], r: f64, length: f64) -> f64 {
+    let elements = points.len() - 1;
+    let mut m = Model::new("dragged");
+    let nodes = string(&mut m, points, r);
+    let mut surface = SurfaceSpec::new(shape);
     surface.friction = Some(Ratio(0.3));
     m.insert(Surfaces(vec![surface]));
     let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 2.0 });
@@ -92,6 +123,87 @@ impl run::Observer for Tensions {
         let time = sim.world.resource::<Clock>().time;
         self.samples.push((time, tension(1), tension(n - 3)));
         Ok(())
+    }
+}
+
+/// Two rounded corners of a quarter turn each. Sharp ones make a stiff polygon jerk at every node.
+#[test]
+fn a_belt_over_a_square_bar_gains_the_capstan_ratio_at_every_corner() {
+    let (ratio, known) = (belt(60, 0.4), (0.3 * PI).exp());
+    assert!((ratio / known - 1.0).abs() < 0.01, "{ratio} instead of {known}");
+}
+
+/// A filament on a tilted floor holds or slides half a percent below and above the angle of friction.
+#[test]
+fn a_filament_on_an_incline_slides_above_the_angle_of_friction() {
+    let slid = |slope: f64| {
+        let mut m = Model::new("incline");
+        let nodes = string(&mut m, &[DVec3::new(0.0, -0.5, 0.02), DVec3::new(0.0, 0.5, 0.02)], 0.02);
+        let mut floor = SurfaceSpec::new(ShapeSpec::Plane);
+        floor.friction = Some(Ratio(0.3));
+        m.insert(Surfaces(vec![floor]));
+        let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 1.0 });
+        m.body_force = Some(BodyForce { acceleration: DVec3::new(slope, 0.0, -1.0) * 10.0, amplitude: ramp });
+        m.stop.time = Some(5.0);
+        let mut sim = Simulation::new(default_plugins);
+        sim.build(&m).unwrap();
+        run::run(&mut sim, &m, f64::INFINITY, &mut run::Blind).unwrap();
+        states(&mut sim, &nodes)[0].v.x
+    };
+    let (below, above) = (slid(0.3 * 0.995), slid(0.3 * 1.005));
+    // 10 x 0.3 x 0.005, for half of the ramp and four seconds.
+    // Held, it only swings on its friction springs.
+    assert!(below.abs() < 1e-3, "it holds: {below}");
+    assert!((above / (0.015 * 4.5) - 1.0).abs() < 0.02, "it slides: {above}");
+}
+
+/// Twice the speed with which the braid closes, for filaments of its size: crossed and side by side.
+#[test]
+fn filaments_thrown_at_each_other_do_not_tunnel() {
+    for (turn, safety) in [(0.0, 0.9), (0.02, 0.9), (0.5 * PI, 0.9), (0.0, 0.1), (0.02, 0.1), (0.5 * PI, 0.1)] {
+        let text = format!(
+            r#"(
+            units: MmNTonne,
+            materials: {{ "glass": (young: "72 GPa", poisson: 0.23, density: "2.58 g/cm3") }},
+            polylines: [
+                (name: "a", points: [[-1, 0, 0], [1, 0, 0]], subdivisions: 16, radius: "9.45 um", material: "glass", model: Trusses),
+                (name: "b", points: [[{x}, {y}, 0.03], [{X}, {Y}, 0.03]], subdivisions: 17, radius: "9.45 um", material: "glass", model: Trusses),
+            ],
+            initial_velocity: [
+                (nodes: ["a.*"], velocity: [0, 0, "3.5 m/s"]),
+                (nodes: ["b.*"], velocity: [0, 0, "-3.5 m/s"]),
+            ],
+            contact: (friction: 0.2, stiffness: "0.16 N/mm", damping: 0.2),
+            integration: (safety: {safety}),
+            stop: (time: "20 us"),
+        )"#,
+            x = -turn.cos(),
+            y = -turn.sin(),
+            X = turn.cos(),
+            Y = turn.sin()
+        );
+        let registry = Simulation::new(default_plugins).registry;
+        let loaded = braid_ecs::scene::load_text("thrown.ron", text, &[], &registry).unwrap_or_else(|e| panic!("{e}"));
+        let mut sim = Simulation::new(default_plugins);
+        sim.build(&loaded.model).unwrap();
+        run::run(&mut sim, &loaded.model, f64::INFINITY, &mut run::Blind).unwrap();
+        let height = |f: usize, sim: &mut Simulation| {
+            let nodes = &loaded.model.filaments[f].nodes;
+            states(sim, &[nodes[nodes.len() / 2]])[0].x.z
+        };
+        let (a, b) = (height(0, &mut sim), height(1, &mut sim));
+        assert!(b - a > 0.015, "turned by {turn}: {a} and {b}");
+        let ledger = sim.world.resource::<EnergyLedger>();
+        // A hit that lasts two steps is not resolved, one of twenty is. Hit at the angle at which the nodes
+        // hand over to the crossing, filaments lose what the weights lose.
+        let closes = if safety > 0.5 {
+            0.1
+        } else if turn == 0.02 {
+            0.05
+        } else {
+            0.01
+        };
+        assert!(ledger.balance_error().abs() < closes, "turned by {turn}, safety {safety}: {ledger:?}");
     }
 }
 

@@ -241,3 +241,15 @@ fn a_name_that_is_given_twice_is_refused() {
     let e = load(&text, &[]).map(|_| ()).expect_err("twice").to_string();
     assert!(e.contains("field `stop` of scene is given twice"), "{e}");
 }
+
+#[test]
+fn filaments_pressed_into_each_other_stop_the_run() {
+    let soft = [("contact.stiffness", "\"0.05 N/mm\"")];
+    let loaded = load(include_str!("../scenes/two_filaments.ron"), &soft).expect("valid");
+    let mut sim = Simulation::new(default_plugins);
+    sim.build(&loaded.model).expect("a sound model");
+    let e = run::run(&mut sim, &loaded.model, f64::INFINITY, &mut Blind).expect_err("too soft for the press").to_string();
+    for part in ["filaments 0 and 1 press", "of the radius deep", "raise its stiffness"] {
+        assert!(e.contains(part), "{e}");
+    }
+}

@@ -215,3 +215,30 @@ fn capstan_with_default_settings() {
         assert!((ratio / known - 1.0).abs() < limit, "{elements} elements: {ratio} instead of {known}");
     }
 }
+
+/// What a surface feels is what lies on it.
+#[test]
+fn a_floor_carries_the_weight_of_what_lies_on_it() {
+    const TEXT: &str = r#"(
+        units: Consistent,
+        materials: { "m": (young: 1e4, poisson: 0.3, density: 1) },
+        polylines: [(name: "p", points: [[-1, 0, 0.1], [1, 0, 0.1]], subdivisions: 8, radius: 0.1, material: "m")],
+        surfaces: [(name: "wall", shape: Plane, position: [0, 5, 0], axis: [0, -1, 0]), (name: "floor", shape: Plane, damping: 0.5)],
+        gravity: (acceleration: [0, 0, -10]),
+        damping: Mass(20),
+        stop: (time: 3),
+        probes: { "weight": SurfaceForce(surface: "floor", component: Z), "side": SurfaceForce(surface: "wall") },
+    )"#;
+    let registry = Simulation::new(default_plugins).registry;
+    let loaded = braid_ecs::scene::load_text("floor.ron", TEXT.into(), &[], &registry).unwrap_or_else(|e| panic!("{e}"));
+    let mut sim = Simulation::new(default_plugins);
+    sim.build(&loaded.model).unwrap();
+    run::run(&mut sim, &loaded.model, f64::INFINITY, &mut run::Blind).unwrap();
+    let value = |name: &str, sim: &mut Simulation| loaded.probes.iter().find(|p| p.0 == name).unwrap().1.evaluate(&mut sim.world);
+    let weight = 10.0 * PI * 0.1 * 0.1 * 2.0;
+    assert!((value("weight", &mut sim) / -weight - 1.0).abs() < 1e-3, "{} of {weight}", value("weight", &mut sim));
+    assert_eq!(value("side", &mut sim), 0.0);
+    let e = braid_ecs::scene::load_text("floor.ron", TEXT.replace("\"floor\", component", "\"flor\", component"), &[], &registry);
+    let e = e.map(|_| ()).unwrap_err().to_string();
+    assert!(e.contains("flor") && e.contains("`floor`"), "{e}");
+}

@@ -6,6 +6,7 @@ use super::node_ref::NodeRef;
 use super::reading::{Probe, Read, Reduce};
 use crate::model::Model;
 use crate::registry::{Registry, SpecError};
+use crate::systems::surface::{Mandrel, Surfaces};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -153,6 +154,24 @@ pub enum ProbeSpec {
     MaxContactForce,
     /// Largest penetration over the smaller radius.
     MaxPenetration,
+    /// Force of the filaments on a rigid surface.
+    SurfaceForce {
+        /// Name of the surface (default `mandrel`).
+        #[serde(default = "mandrel")]
+        surface: String,
+        /// Component (default `Magnitude`).
+        #[serde(default)]
+        component: Component,
+    },
+    /// Moment of the filaments on a rigid surface about the origin.
+    SurfaceMoment {
+        /// Name of the surface (default `mandrel`).
+        #[serde(default = "mandrel")]
+        surface: String,
+        /// Component (default `Magnitude`).
+        #[serde(default)]
+        component: Component,
+    },
     /// Time step.
     TimeStep,
     /// Length of the period vector of a dummy node.
@@ -181,6 +200,18 @@ pub enum ProbeSpec {
 
 fn period() -> NodeRef {
     NodeRef::Name("period".into())
+}
+
+fn mandrel() -> String {
+    "mandrel".into()
+}
+
+/// Number of a surface by its name: the mandrel first, then the others in order.
+fn surface_number(name: &str, model: &Model) -> Result<usize, SpecError> {
+    let mandrel = model.get::<Mandrel>().map(|m| m.0.name.as_str());
+    let names: Vec<&str> =
+        mandrel.into_iter().chain(model.get::<Surfaces>().into_iter().flat_map(|s| s.0.iter().map(|s| s.name.as_str()))).collect();
+    names.iter().position(|n| *n == name).ok_or_else(|| SpecError::unknown("surface", "surface", name, names.iter().copied()))
 }
 
 impl ProbeSpec {
@@ -240,6 +271,8 @@ impl ProbeSpec {
             ProbeSpec::ContactForce => Read::ContactForce,
             ProbeSpec::MaxContactForce => Read::MaxContactForce,
             ProbeSpec::MaxPenetration => Read::MaxPenetration,
+            ProbeSpec::SurfaceForce { surface, component } => Read::SurfaceForce(surface_number(surface, model)?, *component),
+            ProbeSpec::SurfaceMoment { surface, component } => Read::SurfaceMoment(surface_number(surface, model)?, *component),
             ProbeSpec::TimeStep => Read::TimeStep,
             ProbeSpec::DummyLength { node: n } => {
                 let id = node(n)?;

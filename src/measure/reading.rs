@@ -5,6 +5,7 @@ use crate::components::*;
 use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::simulation::{HeldDofs, NodeEntities, NodeRows};
 use crate::step::Clock;
+use crate::systems::surface::SurfaceReactions;
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
 
@@ -73,6 +74,8 @@ pub(super) enum Read {
     ContactForce,
     MaxContactForce,
     MaxPenetration,
+    SurfaceForce(usize, Of),
+    SurfaceMoment(usize, Of),
     TimeStep,
     DummyLength(NodeId),
     Distance([NodeId; 2]),
@@ -86,8 +89,8 @@ impl Probe {
             Read::Position(..) | Read::Displacement(..) | Read::DummyLength(_) | Read::Distance(_) => Quantity::Length,
             Read::Velocity(..) => Quantity::Velocity,
             Read::Rotation(..) | Read::Angle(_) => Quantity::Angle,
-            Read::Reaction(..) | Read::ContactForce | Read::MaxContactForce => Quantity::Force,
-            Read::ReactionMoment(..) | Read::TotalReactionMoment(..) => Quantity::Moment,
+            Read::Reaction(..) | Read::ContactForce | Read::MaxContactForce | Read::SurfaceForce(..) => Quantity::Force,
+            Read::ReactionMoment(..) | Read::TotalReactionMoment(..) | Read::SurfaceMoment(..) => Quantity::Moment,
             Read::SectionForce(_, _, SectionTerm::N | SectionTerm::V) => Quantity::Force,
             Read::SectionForce(_, _, SectionTerm::M | SectionTerm::T) => Quantity::Moment,
             Read::Energy(_) => Quantity::Energy,
@@ -146,6 +149,12 @@ impl Probe {
             Read::ContactForce => contacts(world).total_force,
             Read::MaxContactForce => contacts(world).max_force,
             Read::MaxPenetration => contacts(world).max_penetration_to_radius,
+            Read::SurfaceForce(k, c) => {
+                c.of(world.get_resource::<SurfaceReactions>().and_then(|r| r.force.get(*k).copied()).unwrap_or_default())
+            }
+            Read::SurfaceMoment(k, c) => {
+                c.of(world.get_resource::<SurfaceReactions>().and_then(|r| r.moment.get(*k).copied()).unwrap_or_default())
+            }
             Read::TimeStep => world.get_resource::<Clock>().map_or(0.0, |c| c.dt),
             Read::DummyLength(n) => position(world, *n).length(),
             Read::Distance([a, b]) => position(world, *a).distance(position(world, *b)),

@@ -6,8 +6,8 @@
 //!  3 ContactSearch   refit the BVH when the skin is used up             systems/contact/search.rs
 //!  4 ElementForces   every kind of element, in parallel                 src/assembly.rs -> systems/truss.rs, beam.rs, bending.rs
 //!  5 Assembly        f = loads - internal, in registration order        systems/load.rs, src/assembly.rs
-//!  6 ContactForces   penalty and friction over sorted records           systems/contact/, systems/mandrel.rs
-//!  7 Condensation    forces of dependents to independents (T^t f)       systems/constraint.rs
+//!  6 ContactForces   penalty and friction over sorted records           systems/contact/, systems/surface/
+//!  7 Condensation    forces of dependents to independents (T^t f)       systems/boundary.rs, constraint.rs
 //!  8 Dynamics        v += dt f/m ; damping ; implicit axial tension     systems/integration.rs, axial_implicit.rs
 //!  9 Monitor         energies, finite check, next dt                    systems/energy.rs, time_step.rs
 //! 10 Output          samples of histories and probes                    src/output/

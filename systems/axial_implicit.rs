@@ -322,8 +322,8 @@ fn solve_tensions(
 ) {
     let (x, mut v, mut f, w) = columns(&mut nodes);
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
-    let h = 0.5 * damping.0 * clock.kick();
-    let step = Step { dt: clock.dt_next, kick: clock.kick() / (1.0 + h), whole_kick: clock.kick(), keep: (1.0 - h) / (1.0 + h) };
+    let (keep, kick) = damping.kick(clock.kick());
+    let step = Step { dt: clock.dt_next, kick, whole_kick: clock.kick(), keep };
     let AxialChains { chains, border, work, last, jumps, .. } = &mut *axial;
     let constraints = &mut *constraints;
     if !prescribed.is_empty() {

@@ -44,6 +44,11 @@ impl PrescribedRow {
         self.next - self.velocity
     }
 
+    /// Number of the degree of freedom, as the constraints count them.
+    fn index(&self) -> u32 {
+        self.row * 6 + self.dof as u32
+    }
+
     /// What an inertia that follows the motion feels: acceleration and mass damping.
     fn drag(&self, clock: &Clock, damping: MassDamping) -> f64 {
         self.jump() / clock.kick() + damping.0 * 0.5 * (self.next + self.velocity)
@@ -114,8 +119,8 @@ fn drag_dependents(
     let f = f.bypass_change_detection();
     dragged.0.clear();
     for (row, axis, terms) in constraints.dependent_displacements() {
-        let drag = |(t, c): &(usize, f64)| {
-            let held = list.iter().find(|p| p.row as usize * 6 + p.dof == *t);
+        let drag = |(t, c): &(u32, f64)| {
+            let held = list.iter().find(|p| p.index() == *t);
             held.map_or(0.0, |p| c * p.drag(&clock, *damping))
         };
         let force = m[row].0 * terms.iter().map(drag).sum::<f64>();
@@ -157,19 +162,18 @@ fn work_of_displacements(
     mut nodes: Query<(&Force, &Mass, &Velocity)>,
 ) {
     let (f, m, v) = columns(&mut nodes);
-    let h = 0.5 * damping.0 * clock.kick();
-    let keep = (1.0 - h) / (1.0 + h);
+    let (keep, _) = damping.kick(clock.kick());
     // Inertia of the dependents that hang on prescribed rows; what these add themselves is in the force.
-    let mut inertia = std::collections::BTreeMap::<usize, f64>::new();
+    let mut inertia = std::collections::BTreeMap::<u32, f64>::new();
     if let Some(constraints) = constraints {
         for ((row, axis, terms), dragged) in constraints.dependent_displacements().zip(&dragged.0) {
-            let held = |t: usize| list.iter().any(|p| p.row as usize * 6 + p.dof == t);
+            let held = |t: u32| list.iter().any(|p| p.index() == t);
             if *dragged == 0.0 && !terms.iter().any(|t| held(t.0)) {
                 continue;
             }
             // A dependent still has the velocity of the step before, damped like all the others.
             let before = v[row].0[axis] / keep;
-            let after: f64 = terms.iter().filter(|t| t.0 % 6 < 3).map(|(t, c)| c * v[t / 6].0[t % 6]).sum();
+            let after: f64 = terms.iter().filter(|t| t.0 % 6 < 3).map(|(t, c)| c * v[*t as usize / 6].0[*t as usize % 6]).sum();
             let total = m[row].0 * ((after - before) / clock.kick() + damping.0 * 0.5 * (after + before));
             for (t, c) in terms.iter().filter(|t| held(t.0)) {
                 *inertia.entry(*t).or_default() += c * (total - dragged);
@@ -179,7 +183,7 @@ fn work_of_displacements(
     let mut rows = columns(&mut list);
     for at in rows.bypass_change_detection().iter_mut().filter(|p| p.dof < 3) {
         let row = at.row as usize;
-        let hanging = inertia.get(&(row * 6 + at.dof)).copied().unwrap_or(0.0);
+        let hanging = inertia.get(&at.index()).copied().unwrap_or(0.0);
         let reaction = m[row].0 * at.drag(&clock, *damping) + hanging - f[row].0[at.dof];
         work(at, reaction, &clock, &mut ledger);
     }

@@ -187,11 +187,8 @@ impl Constraints {
     }
 
     /// Row, axis and terms (row x 6 + dof, coefficient) of every dependent displacement.
-    pub fn dependent_displacements(&self) -> impl Iterator<Item = (usize, usize, Vec<(usize, f64)>)> + '_ {
-        self.dependents.iter().filter(|d| d.dof % 6 < 3).map(|d| {
-            let terms = d.terms.iter().map(|(t, c)| (*t as usize, *c)).collect();
-            (d.dof as usize / 6, d.dof as usize % 6, terms)
-        })
+    pub fn dependent_displacements(&self) -> impl Iterator<Item = (usize, usize, &[(u32, f64)])> + '_ {
+        self.dependents.iter().filter(|d| d.dof % 6 < 3).map(|d| (d.dof as usize / 6, d.dof as usize % 6, d.terms.as_slice()))
     }
 
     /// Rows of all dependents, sorted.

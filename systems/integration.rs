@@ -17,6 +17,15 @@ pub fn plugin(sim: &mut Simulation) {
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct MassDamping(pub f64);
 
+impl MassDamping {
+    /// What a kick of length `dt` leaves of the velocity before, and what it gains per acceleration (time).
+    #[inline]
+    pub fn kick(self, dt: f64) -> (f64, f64) {
+        let h = 0.5 * self.0 * dt;
+        ((1.0 - h) / (1.0 + h), dt / (1.0 + h))
+    }
+}
+
 /// Watches the kinetic energy for the peaks of kinetic damping.
 #[derive(Resource, Clone, Copy, Debug, Default)]
 struct KineticPeak {
@@ -112,17 +121,13 @@ fn dissipate_rotations(
 
 fn kick_velocities(clock: Res<Clock>, damping: Res<MassDamping>, mut nodes: Query<(&mut Velocity, &Force, &InverseMass)>) {
     let (mut v, f, im) = columns(&mut nodes);
-    let dt = clock.kick();
-    let h = 0.5 * damping.0 * dt;
-    let (keep, gain) = ((1.0 - h) / (1.0 + h), dt / (1.0 + h));
+    let (keep, gain) = damping.kick(clock.kick());
     parallel::zip3(v.bypass_change_detection(), f, im, CHUNK, |v, f, im| v.0 = v.0 * keep + f.0 * im.0 * gain);
 }
 
 fn kick_spins(clock: Res<Clock>, damping: Res<MassDamping>, mut nodes: Query<(&mut AngularVelocity, &Moment, &InverseInertia)>) {
     let (mut w, m, ij) = columns(&mut nodes);
-    let dt = clock.kick();
-    let h = 0.5 * damping.0 * dt;
-    let (keep, gain) = ((1.0 - h) / (1.0 + h), dt / (1.0 + h));
+    let (keep, gain) = damping.kick(clock.kick());
     parallel::zip3(w.bypass_change_detection(), m, ij, CHUNK, |w, m, ij| w.0 = w.0 * keep + m.0 * ij.0 * gain);
 }
 

@@ -1,4 +1,9 @@
 //! A braid with contact, pulled onto its mandrel: what must hold at the end, whatever the numbers are.
+#[path = "support/bits.rs"]
+mod bits;
+#[path = "support/contact_rig.rs"]
+mod contact_rig;
+use bits::{bits, stepped};
 use braid_ecs::generate::BraidLayout;
 use braid_ecs::measure::{initial_traces, passages, position, traces};
 use braid_ecs::prelude::*;
@@ -6,6 +11,7 @@ use braid_ecs::run::{self, Blind, Status};
 use braid_ecs::scene::{self, LoadedScene};
 use braid_ecs::systems::constraint::Constraints;
 use braid_ecs::systems::default_plugins;
+use contact_rig::Noise;
 
 /// The scene of the folder with a few values changed.
 fn scene(sets: &[(&str, &str)]) -> LoadedScene {
@@ -52,37 +58,14 @@ fn a_braid_pulled_onto_its_mandrel_is_in_balance_and_crosses_as_before() {
 fn threads_and_schedule_leave_the_bits_of_a_braid_alone() {
     let loaded = scene(&[]);
     let run = |threads: usize, seed: Option<u64>| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let mut sim = Simulation::new(default_plugins);
-        if let Some(seed) = seed {
-            sim.shuffle_schedule(seed);
-        }
-        pool.install(|| {
-            sim.build(&loaded.model).expect("a sound model");
-            run::start(&mut sim, &loaded.model).expect("a stable start");
-            for _ in 0..1500 {
-                sim.step();
-            }
-            sim.refresh_energies();
-        });
+        let mut sim = stepped(&loaded.model, threads, seed, 1500);
         assert!(sim.world.resource::<ContactSummary>().active > 20, "contacts are wanted");
-        node_states(&mut sim.world).iter().map(|s| s.x.to_array().map(f64::to_bits)).collect::<Vec<_>>()
+        bits(&mut sim)
     };
     let reference = run(1, None);
     for (threads, seed) in [(2, None), (3, Some(7)), (2, Some(99))] {
         assert!(run(threads, seed) == reference, "{threads} threads, shuffle {seed:?}");
     }
-}
-
-/// Numbers between -1 and 1 without a pattern.
-fn noise(n: usize, seed: u64) -> Vec<f64> {
-    let mut state = seed;
-    (0..n)
-        .map(|_| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        })
-        .collect()
 }
 
 #[test]
@@ -93,7 +76,9 @@ fn constraints_of_the_braid_are_adjoint() {
     let constraints = sim.world.resource::<Constraints>().clone();
     let n = 6 * sim.world.resource::<NodeRows>().len();
     // f . (T v) = (T^t f) . v for the values of the independents.
-    let (f, mut v) = (noise(n, 1), noise(n, 2));
+    let mut noise = Noise(1);
+    let mut numbers = || (0..n).map(|_| noise.next()).collect::<Vec<f64>>();
+    let (f, mut v) = (numbers(), numbers());
     let (mut condensed, independent) = (f.clone(), v.clone());
     constraints.impose_on(&mut v);
     assert!(v != independent, "some degrees of freedom follow others");

@@ -1,4 +1,7 @@
 //! Bundles squeezed and let go: contact with friction makes no energy, and has the same bits on any number of threads.
+#[path = "support/bits.rs"]
+mod bits;
+use bits::{bits, on_threads};
 use braid_ecs::prelude::*;
 use braid_ecs::run;
 use braid_ecs::scene;
@@ -59,21 +62,19 @@ fn squeezing_and_letting_go_makes_no_energy() {
     for filaments in [7, 19, 37] {
         let loaded = bundle(filaments);
         let outcome = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| {
+            on_threads(threads, || {
                 let mut sim = Simulation::new(default_plugins);
                 sim.build(&loaded.model).expect("a sound model");
                 let mut watch = Watch(0.0, 0.0);
                 run::run(&mut sim, &loaded.model, 0.1, &mut watch).expect("a stable run");
-                let bits: Vec<_> = node_states(&mut sim.world).iter().map(|s| s.x.to_array().map(f64::to_bits)).collect();
-                (watch, sim.world.resource::<EnergyLedger>().friction, bits)
+                (watch, sim.world.resource::<EnergyLedger>().friction, bits(&mut sim))
             })
         };
-        let (watch, friction, bits) = outcome(1);
+        let (watch, friction, reference) = outcome(1);
         assert!(watch.0 > 0.0 && friction > 1e-3 * watch.0, "{filaments}: they have rubbed, {friction} of {}", watch.0);
         assert!(watch.1 < 5e-3 * watch.0, "{filaments} filaments: {} of {} is missing", watch.1, watch.0);
         for threads in [2, 5] {
-            assert!(outcome(threads).2 == bits, "{filaments} filaments, {threads} threads");
+            assert!(outcome(threads).2 == reference, "{filaments} filaments, {threads} threads");
         }
     }
 }

@@ -1,4 +1,7 @@
 //! Only what a scene needs is scheduled and stored, and the order of the step is the documented one.
+#[path = "support/bits.rs"]
+mod bits;
+use bits::{bits, stepped};
 use braid_ecs::prelude::*;
 use braid_ecs::run;
 use braid_ecs::systems::default_plugins;
@@ -104,28 +107,10 @@ fn the_numbered_list_of_the_step_names_the_sets_in_their_order() {
     }
 }
 
-fn state(sim: &mut Simulation) -> Vec<[u64; 3]> {
-    node_states(&mut sim.world).iter().map(|s| s.x.to_array().map(f64::to_bits)).collect()
-}
-
 #[test]
 fn any_schedule_and_any_thread_count_gives_the_same_bits() {
     let model = filament(3000, true);
-    let run = |threads: usize, seed: Option<u64>| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        let mut sim = Simulation::new(default_plugins);
-        if let Some(seed) = seed {
-            sim.shuffle_schedule(seed);
-        }
-        pool.install(|| {
-            sim.build(&model).expect("a sound model");
-            run::start(&mut sim, &model).expect("a stable start");
-            for _ in 0..50 {
-                sim.step();
-            }
-        });
-        state(&mut sim)
-    };
+    let run = |threads: usize, seed: Option<u64>| bits(&mut stepped(&model, threads, seed, 50));
     let reference = run(1, None);
     for threads in [2, 5] {
         assert!(reference == run(threads, None), "{threads} threads");

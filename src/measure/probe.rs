@@ -6,7 +6,7 @@ use super::node_ref::NodeRef;
 use super::reading::{Probe, Read, Reduce};
 use crate::model::Model;
 use crate::registry::{Registry, SpecError};
-use crate::systems::surface::{Mandrel, Surfaces};
+use crate::systems::surface::surface_specs;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -206,12 +206,11 @@ fn mandrel() -> String {
     "mandrel".into()
 }
 
-/// Number of a surface by its name: the mandrel first, then the others in order.
+/// Number of a surface by its name.
 fn surface_number(name: &str, model: &Model) -> Result<usize, SpecError> {
-    let mandrel = model.get::<Mandrel>().map(|m| m.0.name.as_str());
-    let names: Vec<&str> =
-        mandrel.into_iter().chain(model.get::<Surfaces>().into_iter().flat_map(|s| s.0.iter().map(|s| s.name.as_str()))).collect();
-    names.iter().position(|n| *n == name).ok_or_else(|| SpecError::unknown("surface", "surface", name, names.iter().copied()))
+    let specs = surface_specs(model);
+    let found = specs.iter().position(|s| s.name == name);
+    found.ok_or_else(|| SpecError::unknown("surface", "surface", name, specs.iter().map(|s| s.name.as_str())))
 }
 
 impl ProbeSpec {

@@ -10,7 +10,7 @@ use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
 use crate::systems::surface::section::Section;
 use crate::systems::surface::shape::{Body, Shape};
-use crate::systems::surface::{Mandrel, SurfaceSpec, Surfaces};
+use crate::systems::surface::surface_specs;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
@@ -79,12 +79,6 @@ pub fn measures(model: &Model, sim: &mut Simulation, units: UnitSystem) -> BTree
         out.insert("length".into(), single(position(&sim.world, NodeId(first as u32)).length()));
     }
     out
-}
-
-/// The rigid surfaces of a model, the mandrel first.
-fn surface_specs(model: &Model) -> Vec<SurfaceSpec> {
-    let mandrel = model.get::<Mandrel>().map(|m| m.0.clone());
-    mandrel.into_iter().chain(model.get::<Surfaces>().cloned().unwrap_or_default().0).collect()
 }
 
 /// From where the heights of a braid are measured: the faces of a prism along z, else the axis.
@@ -172,7 +166,7 @@ mod tests {
     #[test]
     fn heights_are_counted_from_the_faces_of_the_mandrel() {
         use crate::scene::units::{Angle, Length};
-        use crate::systems::surface::ShapeSpec;
+        use crate::systems::surface::{Mandrel, ShapeSpec, SurfaceSpec};
         let mut model = Model::new("a");
         assert_eq!(heights(&model), Heights::Radial);
         let mut spec = SurfaceSpec::new(ShapeSpec::Square { side: Length(2.0), edge_radius: Length(0.25) });

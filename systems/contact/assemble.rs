@@ -7,7 +7,7 @@
 use super::curve::{Range, weights};
 use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
 use super::lane::Lane;
-use super::law::APART;
+use super::law::{APART, kept_stiffness};
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use bevy_ecs::prelude::*;
@@ -122,7 +122,7 @@ fn lines_at_once<L: Lane>(
         return;
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
-    let (r, kept) = (&c.response, c.kept_stiffness());
+    let (r, kept) = (&c.response, kept_stiffness(c.stiffness, c.penetration + c.offset));
     for lane in 0..L::WIDTH {
         let (t, f) = (c.t[1].lane(lane), r.force.lane(lane));
         if penalty.keep < 1.0 {
@@ -160,8 +160,8 @@ pub fn evaluate_points(
             if penalty.keep < 1.0 {
                 sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
             }
-            let stiffness = c.kept_stiffness();
             let overlap = c.penetration + c.offset;
+            let stiffness = kept_stiffness(c.stiffness, overlap);
             *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset, stiffness, overlap };
             *force = PointForce { force: r.force.lane(0), t: c.t };
             sum.friction += r.friction;

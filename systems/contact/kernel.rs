@@ -9,7 +9,7 @@
 use super::curve::{Range, Segment, Weights, weights};
 use super::images::Image;
 use super::lane::{Lane, V3};
-use super::law::{APART, Law, Memory, Response, Touch, Zero, respond};
+use super::law::{Law, Memory, Response, Touch, Zero, respond};
 use super::lines::{Centrelines, Lines};
 use super::records::*;
 use bevy_ecs::prelude::*;
@@ -27,14 +27,6 @@ pub struct Penalty {
     pub window: [f64; 2],
     /// Factor on the offsets in this step.
     pub keep: f64,
-}
-
-impl<L: Lane> Contact<L> {
-    /// What the next step has to know of the stiffness.
-    #[inline(always)]
-    pub fn kept_stiffness(&self) -> L {
-        L::pick(L::splat(0.0).less(self.penetration + self.offset), self.stiffness, L::splat(APART))
-    }
 }
 
 impl Penalty {

@@ -23,6 +23,15 @@ pub struct Law {
     pub dt: f64,
 }
 
+impl Law {
+    /// Stiffness that limits the time step like the damped spring, over that of the spring alone: lagged
+    /// damping of ratio xi narrows the limit by sqrt(1 + xi^2) - xi.
+    pub fn damped_stiffness(&self) -> f64 {
+        let xi = self.damping;
+        ((1.0 + xi * xi).sqrt() - xi).powi(-2)
+    }
+}
+
 /// Where and how two bodies touch.
 #[derive(Clone, Copy, Debug)]
 pub struct Touch<L> {
@@ -59,6 +68,13 @@ impl<L: Lane> Memory<L> {
 
 /// Stiffness that is kept of a contact that does not touch.
 pub const APART: f64 = -1.0;
+
+/// What the next step has to know of the stiffness.
+#[inline(always)]
+pub fn kept_stiffness<L: Lane>(stiffness: L, overlap: L) -> L {
+    L::pick(L::splat(0.0).less(overlap), stiffness, L::splat(APART))
+}
+
 /// Change of overlap that the motion need not explain, in sums of radii.
 const HOP: f64 = 0.005;
 
@@ -108,16 +124,6 @@ pub struct Response<L> {
     pub friction: L,
     /// Work lost to damping in this step.
     pub damping: L,
-}
-
-impl<L: Lane> Response<L> {
-    /// Of bodies that do not touch: no force; the damper of the step before has done its last work.
-    #[inline(always)]
-    pub fn apart(law: &Law, separation: L, before: &Memory<L>) -> Self {
-        let zero = L::splat(0.0);
-        let damping = -L::splat(0.5) * before.damper * separation * L::splat(law.dt);
-        Response { force: V3::zero(), memory: Memory::none(), normal_force: zero, energy: zero, friction: zero, damping }
-    }
 }
 
 /// Evaluates the law.
@@ -189,7 +195,8 @@ mod tests {
         let before = Memory { slip: V3::new(1.0, 0.0, 0.0), damper: 0.5 };
         let open = respond(&LAW, &touch(-1e-6, [1.0, 0.0, -5.0]), &before);
         assert_eq!((open.normal_force, open.energy, open.memory.slip.x), (0.0, 0.0, 0.0));
-        assert_eq!(open.damping, Response::apart(&LAW, -5.0, &before).damping);
+        // The damper of the step before does its last work.
+        assert_eq!(open.damping, -0.5 * 0.5 * -5.0 * LAW.dt);
     }
 
     #[test]

@@ -96,7 +96,7 @@ pub fn resolve(world: &mut World) {
 }
 
 /// Adds the bounds of all records of the list, which covers what may touch before the next one: for K = k n n^t w w^t the row sums give
-/// K <= diag(k |w_i| sum |w_j|). Lagged damping of ratio xi narrows the limit by sqrt(1 + xi^2) - xi.
+/// K <= diag(k |w_i| sum |w_j|).
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
     let mut line_query = world.query::<(&LineRecord, &LineState)>();
@@ -106,8 +106,7 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let (lines, now, penalty) = (world.resource::<Lines>(), world.resource::<Centrelines>(), *world.resource::<Penalty>());
     let mut still = penalty;
     still.law.dt = 0.0;
-    let xi = penalty.law.damping;
-    let narrow = ((1.0 + xi * xi).sqrt() - xi).powi(-2);
+    let narrow = penalty.law.damped_stiffness();
     let mut spread = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
     for (record, state) in line_query.iter(world).take(live.lines) {
         let c = of_line(&still, lines, now, record, state);

@@ -11,5 +11,5 @@ mod spec;
 mod systems;
 
 pub use kernel::Surface;
-pub use spec::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces};
+pub use spec::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces, surface_specs};
 pub use systems::{SurfaceReactions, SurfaceSet, plugin, surface_contacts};

@@ -28,15 +28,17 @@ pub enum Section {
     Polygon(Vec<DVec2>, f64),
 }
 
+/// A size that is a positive number.
+pub fn size(path: &str, what: &str, v: f64) -> Result<f64, SpecError> {
+    if v > 0.0 && v.is_finite() { Ok(v) } else { Err(SpecError::new(path, format!("{what} must be a positive number, not {v}"))) }
+}
+
 impl Section {
     /// From a scene.
     ///
     /// # Errors
     /// Sizes that are not positive, polygons that are not convex, edge radii too large for the figure.
     pub fn new(spec: &ShapeSpec) -> Result<Section, SpecError> {
-        let size = |path: &str, what: &str, v: f64| {
-            if v > 0.0 && v.is_finite() { Ok(v) } else { Err(SpecError::new(path, format!("{what} must be a positive number, not {v}"))) }
-        };
         match spec {
             ShapeSpec::Plane => Ok(Section::HalfPlane),
             ShapeSpec::Cylinder { radius } => Ok(Section::Circle(size("shape.radius", "the radius", radius.0)?)),

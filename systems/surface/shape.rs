@@ -5,7 +5,7 @@
 //! by the edge radius. A frustum is a convex profile turned about its axis. Everything else is a solid
 //! of parry ([`Body::Solid`]): a ball or a closed mesh of triangles. Filaments touch frustums and
 //! solids with their nodes alone: their edges should be round on the scale of a segment.
-use super::section::{Edge, Section, polygon_distance};
+use super::section::{Edge, Section, polygon_distance, size};
 use super::spec::{ShapeSpec, SurfaceSpec};
 use braid_ecs::prelude::*;
 use glam::DVec2;
@@ -40,13 +40,11 @@ impl Body {
     pub fn new(spec: &ShapeSpec) -> Result<Body, SpecError> {
         match spec {
             ShapeSpec::Frustum { start_radius, end_radius, length } => {
-                let ([a, b], l) = ([start_radius.0, end_radius.0], length.0);
+                let [a, b] = [start_radius.0, end_radius.0];
                 if !(a >= 0.0 && b >= 0.0 && a.max(b) > 0.0 && a.is_finite() && b.is_finite()) {
                     return Err(SpecError::new("shape.start_radius", format!("the radii {a} and {b} do not make a frustum")));
                 }
-                if !(l > 0.0 && l.is_finite()) {
-                    return Err(SpecError::new("shape.length", format!("the length must be a positive number, not {l}")));
-                }
+                let l = size("shape.length", "the length", length.0)?;
                 let mut profile = vec![DVec2::new(a, 0.0), DVec2::new(b, l), DVec2::new(-b, l), DVec2::new(-a, 0.0)];
                 // A tip is one corner.
                 profile.dedup_by(|p, q| p.distance(*q) == 0.0);
@@ -55,10 +53,7 @@ impl Body {
                 }
                 Ok(Body::Revolved(profile))
             }
-            ShapeSpec::Sphere { radius } if radius.0 > 0.0 && radius.0.is_finite() => Ok(Body::Solid(SharedShape::ball(radius.0))),
-            ShapeSpec::Sphere { radius } => {
-                Err(SpecError::new("shape.radius", format!("the radius must be a positive number, not {}", radius.0)))
-            }
+            ShapeSpec::Sphere { radius } => Ok(Body::Solid(SharedShape::ball(size("shape.radius", "the radius", radius.0)?))),
             ShapeSpec::Mesh { vertices, triangles } => mesh(vertices, triangles),
             _ => Section::new(spec).map(Body::Bar),
         }

@@ -157,6 +157,12 @@ pub enum ShapeSpec {
     },
 }
 
+/// All surfaces of a model: the mandrel, then the others in their order.
+pub fn surface_specs(model: &Model) -> Vec<SurfaceSpec> {
+    let mandrel = model.get::<Mandrel>().map(|m| m.0.clone());
+    mandrel.into_iter().chain(model.get::<Surfaces>().iter().flat_map(|s| s.0.iter().cloned())).collect()
+}
+
 impl SurfaceSpec {
     /// A surface of this shape with default settings.
     pub fn new(shape: ShapeSpec) -> Self {

@@ -2,9 +2,9 @@
 use super::kernel::{Surface, Touching, edge_contact, edge_step, node_contact, spread};
 use super::records::*;
 use super::shape::Shape;
-use super::spec::{Mandrel, SurfaceSpec, Surfaces};
+use super::spec::{Mandrel, SurfaceSpec, Surfaces, surface_specs};
 use crate::systems::contact::images::Images;
-use crate::systems::contact::law::{APART, Law};
+use crate::systems::contact::law::{APART, Law, kept_stiffness};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::contact::records::{rehome, strayed};
 use crate::systems::contact::stiffness::{Spread, element_frequency, share_copies};
@@ -51,8 +51,7 @@ const SKIN: f64 = 2.0;
 const SHARE: f64 = 0.4;
 
 fn install(cx: &mut Install<'_>) {
-    let mut specs: Vec<SurfaceSpec> = cx.model.get::<Mandrel>().map(|m| m.0.clone()).into_iter().collect();
-    specs.extend(cx.model.get::<Surfaces>().iter().flat_map(|s| s.0.iter().cloned()));
+    let specs = surface_specs(cx.model);
     if specs.is_empty() {
         return;
     }
@@ -393,7 +392,7 @@ fn forces(
         let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
         let (memory, overlap) = (c.response.memory, c.penetration + c.offset);
-        let stiffness = if overlap > 0.0 { c.stiffness } else { APART };
+        let stiffness = kept_stiffness(c.stiffness, overlap);
         *state = EdgeState { t: c.t, slip: memory.slip.lane(0), damper: memory.damper, offset: c.offset, stiffness, overlap };
         *moved |= strayed(c.t);
         spread(&lines, &now, record.segment, c.t, c.response.force.lane(0), |slot, f| put(&lines, &lines.images, force, slot, f));
@@ -410,18 +409,17 @@ fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let (lines, now, set) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<SurfaceSet>());
     let surfaces: Vec<Surface> = set.surfaces.iter().map(still).collect();
     let mut s = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
-    let narrow = |xi: f64| ((1.0 + xi * xi).sqrt() - xi).powi(-2);
     for (record, state) in node_query.iter(world).take(live.nodes) {
         let surface = &surfaces[record.surface as usize];
         let c = node_contact(surface, lines, now, record, state);
         s.node(record.node, 1.0);
-        s.add(c.stiffness * narrow(surface.law.damping));
+        s.add(c.stiffness * surface.law.damped_stiffness());
     }
     for (record, state) in edge_query.iter(world).take(live.edges) {
         let surface = &surfaces[record.surface as usize];
         let c = edge_contact(surface, lines, now, record, state);
         s.segment(now, record.segment, c.t);
-        s.add(c.stiffness * narrow(surface.law.damping));
+        s.add(c.stiffness * surface.law.damped_stiffness());
     }
     let mut kappa = s.kappa;
     share_copies(lines, &masses, &mut kappa);

@@ -4,6 +4,7 @@
 //! of threads. A loop is split only if every thread gets at least one chunk: a parallel region pays from
 //! about 30 us of work.
 use rayon::prelude::*;
+use std::ops::Range;
 
 fn serial(rows: usize, chunk: usize) -> bool {
     rows < 2 * chunk || rayon::current_num_threads() == 1
@@ -43,4 +44,31 @@ pub fn zip3_mut<A: Send, B: Sync, C: Send>(a: &mut [A], b: &[B], c: &mut [C], ch
             .zip(c.par_chunks_mut(chunk))
             .for_each(|((a, b), c)| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| f(a, b, c)));
     }
+}
+
+/// Runs `f` on the number of every row and the row of three columns that are written.
+pub fn rows3<A: Send, B: Send, C: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    c: &mut [C],
+    chunk: usize,
+    f: impl Fn(usize, &mut A, &mut B, &mut C) + Sync,
+) {
+    assert!(a.len() == b.len() && b.len() == c.len(), "columns of one table have one length");
+    let run = |first: usize, a: &mut [A], b: &mut [B], c: &mut [C]| {
+        a.iter_mut().zip(b).zip(c).enumerate().for_each(|(i, ((a, b), c))| f(first + i, a, b, c));
+    };
+    if serial(a.len(), chunk) {
+        run(0, a, b, c);
+    } else {
+        let parts = a.par_chunks_mut(chunk).zip(b.par_chunks_mut(chunk)).zip(c.par_chunks_mut(chunk));
+        parts.enumerate().for_each(|(k, ((a, b), c))| run(k * chunk, a, b, c));
+    }
+}
+
+/// What `f` makes of each chunk of `rows` rows, in order.
+pub fn chunks<T: Send>(rows: usize, chunk: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    let count = rows.div_ceil(chunk);
+    let range = |c: usize| c * chunk..((c + 1) * chunk).min(rows);
+    if serial(rows, chunk) { (0..count).map(|c| f(range(c))).collect() } else { (0..count).into_par_iter().map(|c| f(range(c))).collect() }
 }

@@ -10,6 +10,9 @@ use super::images::{Image, Images};
 use braid_ecs::prelude::*;
 use std::collections::BTreeMap;
 
+/// Slots per parallel chunk.
+const CHUNK: usize = 2048;
+
 /// Marks a slot without a row.
 pub const NONE: u32 = u32::MAX;
 
@@ -22,6 +25,8 @@ pub struct Slot {
     pub image: Image,
     /// Number of the filament among those with contact.
     pub filament: u32,
+    /// True before the first and behind the last node of a filament.
+    pub ghost: bool,
     /// True if the node looks for contacts.
     pub looks: bool,
     /// True if a segment starts here.
@@ -158,6 +163,7 @@ impl Lines {
             row,
             image,
             filament: f as u32,
+            ghost: true,
             looks: false,
             segment: false,
             free: [false; 2],
@@ -178,6 +184,7 @@ impl Lines {
         self.slots.push(before);
         for (i, node) in filament.nodes.iter().enumerate() {
             let mut s = slot(row(*node) as u32, zero);
+            s.ghost = false;
             s.looks = i + 1 < count || ends[f].next.is_none();
             s.segment = i + 1 < count;
             s.free = [i == 0 && ends[f].previous.is_none(), i + 2 == count && ends[f].next.is_none()];
@@ -323,31 +330,35 @@ impl Centrelines {
         self.tangent.resize(n, [0.0; 4]);
         self.rate.resize(n, [0.0; 4]);
         self.bend.resize(n, [0.0; 4]);
-        for (i, s) in lines.slots.iter().enumerate() {
+        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate } = self;
+        parallel::zip3_mut(places, &lines.slots, speeds, CHUNK, |place, s, speed| {
             if s.row == NONE {
-                continue;
+                return;
             }
             let r = s.row as usize;
-            let (p, u) = (x[r].0 + self.shift[s.image as usize], v[r].0 + self.shift_rate[s.image as usize]);
-            self.x[i] = [p.x, p.y, p.z, s.radius];
-            self.v[i] = [u.x, u.y, u.z, mass[r]];
-        }
-        for f in 0..lines.model_index.len() {
-            for i in lines.start[f] as usize + 1..lines.start[f + 1] as usize - 1 {
-                let s = &lines.slots[i];
-                let [a, b, c] = s.tangent;
-                let o = (i as isize + s.first) as usize;
-                let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
-                self.tangent[i] = [blend(&self.x, 0), blend(&self.x, 1), blend(&self.x, 2), s.length];
-                let [before, after] = s.half.map(|h| 2.0 * h);
-                if before > 0.0 && after > 0.0 {
-                    let x = |k: usize| xyz(&self.x[k]);
-                    let bend = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
-                    self.bend[i] = [bend.x, bend.y, bend.z, 0.0];
-                }
-                self.rate[i] = [blend(&self.v, 0), blend(&self.v, 1), blend(&self.v, 2), s.length];
+            let (p, u) = (x[r].0 + shift[s.image as usize], v[r].0 + shift_rate[s.image as usize]);
+            *place = [p.x, p.y, p.z, s.radius];
+            *speed = [u.x, u.y, u.z, mass[r]];
+        });
+        let (x, v) = (&*places, &*speeds);
+        parallel::rows3(tangent, bend, rate, CHUNK, |i, tangent, bend, rate| {
+            let s = &lines.slots[i];
+            // Ghosts bound segments, but have no tangents.
+            if s.ghost {
+                return;
             }
-        }
+            let [a, b, c] = s.tangent;
+            let o = (i as isize + s.first) as usize;
+            let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
+            *tangent = [blend(x, 0), blend(x, 1), blend(x, 2), s.length];
+            *rate = [blend(v, 0), blend(v, 1), blend(v, 2), s.length];
+            let [before, after] = s.half.map(|h| 2.0 * h);
+            if before > 0.0 && after > 0.0 {
+                let x = |k: usize| xyz(&x[k]);
+                let d = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
+                *bend = [d.x, d.y, d.z, 0.0];
+            }
+        });
     }
 }
 

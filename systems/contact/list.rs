@@ -5,10 +5,12 @@ use super::lane::V3;
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
 use super::search::{Candidate, closest_parameters};
-use glam::DVec3;
+use braid_ecs::prelude::*;
 
 /// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
 const LOOK_FROM: f64 = 0.5;
+/// Candidates per parallel chunk.
+const CHUNK: usize = 1024;
 
 /// New records and scratch space, kept between lists.
 #[derive(Default)]
@@ -71,59 +73,25 @@ fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64)
     if span > 0.0 { Some(g0 / span) } else { Some(0.5) }
 }
 
-impl Builder {
-    /// Makes the records of `self.candidates`.
-    pub fn build(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines) {
-        self.lines.clear();
-        self.points.clear();
-        let candidates = std::mem::take(&mut self.candidates);
-        for c in &candidates {
-            let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
-            let same = ca == cb;
-            if same || Lines::looks_first(ca, cb) {
-                self.add_lines(penalty, lines, now, *c, same);
-            }
-            if same || Lines::looks_first(cb, ca) {
-                let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
-                self.add_lines(penalty, lines, now, turned, same);
-            }
-            self.add_point(penalty, lines, now, *c);
-        }
-        self.candidates = candidates;
-        self.lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
-        self.merge_lines(lines);
-        self.points.sort_by_key(|(r, _)| (r.segments, r.image));
-        self.merge_points(lines);
-    }
+/// Records found among some of the candidates.
+#[derive(Default)]
+struct Found {
+    lines: Vec<(LineRecord, LineState)>,
+    points: Vec<(PointRecord, PointState)>,
+}
 
-    /// Keeps one of several records of a node at the same place of a filament.
-    fn merge_lines(&mut self, lines: &Lines) {
-        let mut kept = 0;
-        for k in 0..self.lines.len() {
-            let (record, state) = self.lines[k];
-            let place = (record.segment, state.t, record.image);
-            let twice = self.lines[..kept]
-                .iter()
-                .rev()
-                .take_while(|(r, _)| r.node == record.node)
-                .any(|(r, s)| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME));
-            if !twice {
-                self.lines[kept] = (record, state);
-                kept += 1;
-            }
+impl Found {
+    fn add(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate) {
+        let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
+        let same = ca == cb;
+        if same || Lines::looks_first(ca, cb) {
+            self.add_lines(penalty, lines, now, c, same);
         }
-        self.lines.truncate(kept);
-    }
-
-    /// Keeps one of several records of the same crossing.
-    fn merge_points(&mut self, lines: &Lines) {
-        let found = std::mem::take(&mut self.points);
-        let index = CrossingIndex::new(found.iter().map(|(r, _)| r));
-        for (k, (record, state)) in found.iter().enumerate() {
-            if index.nearest(lines, (record, state), SAME, |i| (i < k).then(|| (&found[i].0, &found[i].1))).is_none() {
-                self.points.push((*record, *state));
-            }
+        if same || Lines::looks_first(cb, ca) {
+            let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
+            self.add_lines(penalty, lines, now, turned, same);
         }
+        self.add_point(penalty, lines, now, c);
     }
 
     /// Line records of the nodes of segment `c.a` against segment `c.b`.
@@ -196,6 +164,60 @@ impl Builder {
             place.swap(0, 1);
         }
         self.points.push((record, PointState::at(place)));
+    }
+}
+
+impl Builder {
+    /// Makes the records of `self.candidates`.
+    pub fn build(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines) {
+        let of = |range: std::ops::Range<usize>| {
+            let mut found = Found::default();
+            for c in &self.candidates[range] {
+                found.add(penalty, lines, now, *c);
+            }
+            found
+        };
+        let parts = parallel::chunks(self.candidates.len(), CHUNK, of);
+        self.lines.clear();
+        self.points.clear();
+        for part in parts {
+            self.lines.extend(part.lines);
+            self.points.extend(part.points);
+        }
+        self.lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
+        self.merge_lines(lines);
+        self.points.sort_by_key(|(r, _)| (r.segments, r.image));
+        self.merge_points(lines);
+    }
+
+    /// Keeps one of several records of a node at the same place of a filament.
+    fn merge_lines(&mut self, lines: &Lines) {
+        let mut kept = 0;
+        for k in 0..self.lines.len() {
+            let (record, state) = self.lines[k];
+            let place = (record.segment, state.t, record.image);
+            let twice = self.lines[..kept]
+                .iter()
+                .rev()
+                .take_while(|(r, _)| r.node == record.node)
+                .any(|(r, s)| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME));
+            if !twice {
+                self.lines[kept] = (record, state);
+                kept += 1;
+            }
+        }
+        self.lines.truncate(kept);
+    }
+
+    /// Keeps one of several records of the same crossing.
+    fn merge_points(&mut self, lines: &Lines) {
+        let found = std::mem::take(&mut self.points);
+        let index = CrossingIndex::new(found.iter().map(|(r, _)| r));
+        for (k, (record, state)) in found.iter().enumerate() {
+            if index.nearest(lines, (record, state), SAME, |i| (i < k).then(|| (&found[i].0, &found[i].1))).is_none() {
+                self.points.push((*record, *state));
+            }
+        }
     }
 
     /// Hands slip and offset of the old records to the new ones at the same place; both sorted.

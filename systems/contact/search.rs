@@ -2,19 +2,19 @@
 //!
 //! A list is made for a stretch of time, with a forecast: every node goes on with the mean velocity
 //! that it had during the last list. Boxes enclose segments on their whole way, grown by half the
-//! skin; the list stays complete while no node has left its forecast by more than half the skin
-//! (Verlet 1967 with moving references). Neighbours move alike, so a forecast makes the list hardly
-//! longer, and a braid that closes fast keeps it for tens of steps. A budget is paid with the
-//! largest speed against the forecast in each step, and when it is used up the true distance
-//! decides. Pairs across periodic faces come from a second traversal of the tree against itself,
-//! shifted; the motion of the period counts like the motion of nodes.
+//! skin; the list stays complete while no node has left its forecast by more than its room, half the
+//! skin (Verlet 1967 with moving references). Neighbours move alike, so a forecast makes the list
+//! hardly longer, and a braid that closes fast keeps it for tens of steps. Single nodes that whip
+//! about get more room of their own: one of them does not make the list of all others anew. A
+//! budget is paid with the largest speed against the forecast in each step, in units of the room, and
+//! when it is used up the true distance decides. Pairs across periodic faces come from a second
+//! traversal of the tree against itself, shifted; the motion of the period counts like that of nodes.
 //!
 //! The distance of two segments is computed here with relative tolerances: the routine of parry
 //! compares with absolute ones and fails for lengths given in metres.
 use super::images::Image;
 use super::lines::{Centrelines, Lines, xyz};
-use bevy_ecs::prelude::*;
-use glam::DVec3;
+use braid_ecs::prelude::*;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
 
@@ -40,7 +40,10 @@ pub struct Search {
     pub rebuilds: u64,
     /// Times the true displacement was looked at.
     pub looks: u64,
+    /// Share of the room of the nodes that is left.
     budget: f64,
+    /// How far each node may leave its forecast, by slot (length).
+    room: Vec<f64>,
     /// Time for which the list is made, and how much of it is over.
     horizon: f64,
     elapsed: f64,
@@ -55,6 +58,8 @@ pub struct Search {
     middle: Vec<DVec3>,
     end: Vec<DVec3>,
     bulge: Vec<f64>,
+    /// Pairs of leaves whose boxes meet.
+    pairs: Vec<Candidate>,
     /// Segment of each leaf: leaves are numbered without gaps.
     leaves: Vec<u32>,
 }
@@ -63,8 +68,16 @@ pub struct Search {
 const REBUILD_TREE: u64 = 20;
 /// Growth of the horizon when the forecast has held all the way through.
 const STRETCH: f64 = 1.25;
-/// Farthest forecast way of a node, in segments.
+/// Farthest forecast way of a node, and its largest room, in segments.
 const FARTHEST: f64 = 0.25;
+/// Room over what the motion during the last list would have taken in the time of the next one.
+const CARE: f64 = 1.5;
+/// What is kept of a room from one list to the next.
+const KEPT: f64 = 0.9;
+/// Share of the nodes that get more room before all nodes get a shorter time.
+const WHIPS: f64 = 0.02;
+/// Nodes or pairs per parallel chunk.
+const CHUNK: usize = 2048;
 
 impl Search {
     /// A search with the given skin (length).
@@ -84,39 +97,30 @@ impl Search {
         }
         self.elapsed += dt;
         if self.elapsed > self.horizon {
-            self.horizon = STRETCH * self.elapsed;
             return true;
         }
-        let mut fastest = 0.0f64;
-        for ((slot, v), forecast) in lines.slots.iter().zip(&now.v).zip(&self.forecast) {
-            if slot.spacing > 0.0 {
-                fastest = fastest.max((xyz(v) - *forecast).length_squared());
-            }
-        }
-        self.budget -= dt * (fastest.sqrt() + 0.5 * farthest(&now.shift_rate, &self.forecast_shift, |_| DVec3::ZERO));
+        let least = 0.5 * self.skin;
+        let speed = self.largest(|i| (xyz(&now.v[i]) - self.forecast[i]).length_squared());
+        self.budget -= dt * (speed + 0.5 * farthest(&now.shift_rate, &self.forecast_shift, |_| DVec3::ZERO) / least);
         if self.budget > 0.0 {
             return false;
         }
         self.looks += 1;
-        let mut worst = 0.0f64;
-        for (i, (slot, x)) in lines.slots.iter().zip(&now.x).enumerate() {
-            if slot.spacing > 0.0 {
-                worst = worst.max((xyz(x) - self.reference[i] - self.forecast[i] * self.elapsed).length_squared());
-            }
-        }
+        let way = self.largest(|i| (xyz(&now.x[i]) - self.reference[i] - self.forecast[i] * self.elapsed).length_squared());
         let period = farthest(&now.shift, &self.reference_shift, |i| self.forecast_shift[i] * self.elapsed);
-        self.budget = 0.5 * self.skin - worst.sqrt() - 0.5 * period;
+        self.budget = 1.0 - way - 0.5 * period / least;
         // A list that would be due again in the next step is made now. NaN ends up here, too.
-        if self.budget.is_nan() || self.budget <= 0.02 * self.skin {
-            self.horizon = self.elapsed;
-            return true;
-        }
-        false
+        self.budget.is_nan() || self.budget <= 0.01
+    }
+
+    /// Largest root of what `square` says of a slot, in units of the room there.
+    fn largest(&self, square: impl Fn(usize) -> f64 + Sync) -> f64 {
+        let of = |range: std::ops::Range<usize>| range.fold(0.0f64, |m, i| m.max(square(i) / (self.room[i] * self.room[i])));
+        parallel::chunks(self.room.len(), CHUNK, of).into_iter().fold(0.0, f64::max).sqrt()
     }
 
     /// All pairs of segments closer than the skin, sorted; `excluded` says which may never touch.
-    pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool, out: &mut Vec<Candidate>) {
-        out.clear();
+    pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool + Sync, out: &mut Vec<Candidate>) {
         self.make_forecast(lines, now);
         self.measure_bulges(lines, now);
         let fresh = self.rebuilds.is_multiple_of(REBUILD_TREE);
@@ -135,13 +139,11 @@ impl Search {
         self.rebuilds += 1;
 
         let zero = lines.images.zero();
-        let mut workspace = std::mem::take(&mut self.workspace);
+        let (mut workspace, mut pairs) = (std::mem::take(&mut self.workspace), std::mem::take(&mut self.pairs));
+        pairs.clear();
         self.bvh.traverse_bvtt_single_tree::<false>(&mut workspace, &mut |a, b| {
             let (a, b) = (self.leaves[a as usize], self.leaves[b as usize]);
-            let c = Candidate { a: a.min(b), b: a.max(b), image: zero };
-            if self.close(now, c) && !excluded(c) {
-                out.push(c);
-            }
+            pairs.push(Candidate { a: a.min(b), b: a.max(b), image: zero });
         });
         self.workspace = workspace;
         if !self.bvh.is_empty() {
@@ -158,26 +160,39 @@ impl Search {
                 };
                 for (a, b) in self.bvh.leaf_pairs(&self.bvh, overlap) {
                     let (a, b) = (self.leaves[a as usize], self.leaves[b as usize]);
-                    let c = Candidate { a, b, image: image as Image };
-                    if self.close(now, c) && !excluded(c) {
-                        out.push(c);
-                    }
+                    pairs.push(Candidate { a, b, image: image as Image });
                 }
             }
         }
+        let near = |range: std::ops::Range<usize>| -> Vec<Candidate> {
+            pairs[range].iter().copied().filter(|c| self.close(now, *c) && !excluded(*c)).collect()
+        };
+        out.clear();
+        out.extend(parallel::chunks(pairs.len(), CHUNK, near).into_iter().flatten());
         out.sort_unstable();
+        self.pairs = pairs;
     }
 
     /// Forecasts the motion until the next list, and limits the time that it is meant for.
     fn make_forecast(&mut self, lines: &Lines, now: &Centrelines) {
-        let known = self.reference.len() == now.x.len() && self.elapsed > 0.0;
-        let mean = |now: DVec3, then: &[DVec3], i: usize, rate: DVec3| if known { (now - then[i]) / self.elapsed } else { rate };
-        self.forecast = (0..now.x.len()).map(|i| mean(xyz(&now.x[i]), &self.reference, i, xyz(&now.v[i]))).collect();
-        self.forecast_shift = (0..now.shift.len()).map(|i| mean(now.shift[i], &self.reference_shift, i, now.shift_rate[i])).collect();
+        let count = now.x.len();
+        if self.reference.len() == count && self.elapsed > 0.0 {
+            self.learn(lines, now);
+        } else {
+            self.forecast = now.v.iter().map(xyz).collect();
+            self.forecast_shift.clone_from(&now.shift_rate);
+            self.room = vec![0.5 * self.skin; count];
+        }
+        // The ghosts of free ends are nowhere.
+        for (room, slot) in self.room.iter_mut().zip(&lines.slots) {
+            if slot.spacing == 0.0 {
+                *room = f64::INFINITY;
+            }
+        }
         self.reference.clear();
         self.reference.extend(now.x.iter().map(xyz));
         self.reference_shift.clone_from(&now.shift);
-        self.budget = 0.5 * self.skin;
+        self.budget = 1.0;
         self.elapsed = 0.0;
 
         // Nodes must not pass many segments of their neighbours while the list lasts.
@@ -196,6 +211,38 @@ impl Search {
         self.middle.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * (0.5 * self.ahead)));
         self.end.clear();
         self.end.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * self.ahead));
+    }
+
+    /// Room, forecast and time from what happened since the last list.
+    fn learn(&mut self, lines: &Lines, now: &Centrelines) {
+        let (least, time) = (0.5 * self.skin, self.elapsed);
+        let most = least.max(FARTHEST * lines.mean_length);
+        let missed = |i: usize| (xyz(&now.x[i]) - self.reference[i]) / time - self.forecast[i];
+        let rate: Vec<f64> = (0..now.x.len()).map(|i| if lines.slots[i].spacing > 0.0 { missed(i).length() } else { 0.0 }).collect();
+        if time > self.horizon {
+            self.horizon = STRETCH * time;
+        } else {
+            // It came too early: the time in which all but a few stay in the least room, and those in the most.
+            let mut order = rate.clone();
+            let few = order.len() - 1 - (WHIPS * order.len() as f64) as usize;
+            let usual = *order.select_nth_unstable_by(few, f64::total_cmp).1;
+            let largest = rate.iter().copied().fold(0.0, f64::max);
+            self.horizon = (least / (CARE * usual)).min(most / (CARE * largest)).max(time).min(self.horizon);
+        }
+        for (room, rate) in self.room.iter_mut().zip(&rate) {
+            let wanted = CARE * rate * self.horizon;
+            *room = if wanted.is_finite() { wanted.max(KEPT * room.min(most)).clamp(least, most) } else { least };
+        }
+        // A short time says little about the mean velocity.
+        let trust = if self.horizon.is_finite() { (time / self.horizon).min(1.0) } else { 1.0 };
+        for i in 0..rate.len() {
+            let mean = (xyz(&now.x[i]) - self.reference[i]) / time;
+            self.forecast[i] = self.forecast[i].lerp(mean, trust);
+        }
+        for i in 0..now.shift.len() {
+            let mean = (now.shift[i] - self.reference_shift[i]) / time;
+            self.forecast_shift[i] = self.forecast_shift[i].lerp(mean, trust);
+        }
     }
 
     /// How far each centreline leaves its chord on the way: at most 4/27 of what the tangents differ from it.
@@ -220,13 +267,18 @@ impl Search {
     fn enclose(&self, now: &Centrelines, j: u32) -> Aabb {
         let j = j as usize;
         let (x, y) = (&self.reference, &self.end);
-        let margin = DVec3::splat(now.x[j][3].max(now.x[j + 1][3]) + 0.5 * self.skin + self.bulge[j]);
+        let margin = DVec3::splat(now.x[j][3].max(now.x[j + 1][3]) + self.room_of(j) + self.bulge[j]);
         let low = x[j].min(x[j + 1]).min(y[j]).min(y[j + 1]);
         let high = x[j].max(x[j + 1]).max(y[j]).max(y[j + 1]);
         Aabb::new(low - margin, high + margin)
     }
 
-    /// True if two segments come closer than the skin on their forecast ways: half way through, no
+    /// How far the nodes of a segment may leave their forecasts.
+    fn room_of(&self, j: usize) -> f64 {
+        self.room[j].max(self.room[j + 1])
+    }
+
+    /// True if two segments come closer than their room on their forecast ways: half way through, no
     /// farther apart than that plus half of what they move against each other.
     fn close(&self, now: &Centrelines, c: Candidate) -> bool {
         let (a, b, image) = (c.a as usize, c.b as usize, c.image as usize);
@@ -239,7 +291,7 @@ impl Search {
                 approach = approach.max((y(i) - y(j) - half).length_squared());
             }
         }
-        let reach = now.x[a][3] + now.x[b][3] + self.skin + self.bulge[a] + self.bulge[b] + approach.sqrt();
+        let reach = now.x[a][3] + now.x[b][3] + self.room_of(a) + self.room_of(b) + self.bulge[a] + self.bulge[b] + approach.sqrt();
         segment_distance_squared(x[a], x[a + 1], x[b] + shift, x[b + 1] + shift) < reach * reach
     }
 }

@@ -13,6 +13,7 @@ use crate::simulation::{Install, NodeRows};
 use crate::step::StepSet;
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 
 /// For every node with elements of kind `E`: which ends meet there (element x N + side).
@@ -98,6 +99,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
         list.iter().map(|(e, nodes)| (e.clone(), Connectivity(nodes.map(|n| rows.of(n) as u32)), EndForces::<E, N>::default())).collect();
     cx.world.insert_resource(EndMap::<E, N>::new(bundles.iter().map(|b| b.1.0)));
     cx.world.spawn_batch(bundles);
+    cx.remember::<E>();
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
         name: E::NAME,
         count: list.len(),
@@ -251,5 +253,5 @@ pub struct StiffnessSources(pub Vec<(&'static str, StiffnessSource)>);
 
 /// Set by a system that has added stiffness since the last look at the time step: look again in
 /// this step.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct StiffnessChanged(pub bool);

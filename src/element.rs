@@ -4,6 +4,7 @@ use crate::registry::{Build, SpecError};
 use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// What a kernel sees of a node. Kinds without rotations get the identity and zero spin.
@@ -112,7 +113,7 @@ pub struct SectionForce {
 /// A kind of element with `N` nodes. Implement it, register it with
 /// [`Simulation::add_element`](crate::simulation::Simulation::add_element), and the engine does the
 /// reading, the loops, the assembly, the time step and the energy.
-pub trait Element<const N: usize>: Component<Mutability = Mutable> + Clone + Send + Sync + 'static {
+pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize + DeserializeOwned + Clone + Send + Sync + 'static {
     /// The key in the scene file; names from outside carry a prefix (`lab.spring`).
     const NAME: &'static str;
     /// One sentence for `braid-ecs plugins` and messages.

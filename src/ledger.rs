@@ -1,12 +1,13 @@
 //! Running totals and quality figures that systems fill and outputs read.
 use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Energies of the whole model since the start (force x length).
 ///
 /// `external_work` is kept by the loads, `damping` by the integration, `axial` by the implicit
 /// axial solve (what it dissipates), `contact` and `friction` by the contact systems; `kinetic`
 /// and `strain` are evaluated at monitor steps.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnergyLedger {
     /// Kinetic and strain energy at the start.
     pub initial: f64,
@@ -39,7 +40,7 @@ impl EnergyLedger {
 }
 
 /// State of the contacts at the last monitor step.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactSummary {
     /// Live records of the neighbour lists, filament to filament.
     pub records: usize,
@@ -55,4 +56,6 @@ pub struct ContactSummary {
     pub max_force: f64,
     /// Times the neighbour list was rebuilt.
     pub rebuilds: u64,
+    /// Factor by which the contacts were made stiffer for a target penetration; zero without one.
+    pub raised: f64,
 }

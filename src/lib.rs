@@ -20,6 +20,7 @@ pub mod registry;
 pub mod run;
 pub mod scene;
 pub mod simulation;
+pub mod state;
 pub mod step;
 
 // The physics lives beside the engine, in a folder of its own that uses nothing but the prelude:

@@ -9,6 +9,7 @@ pub use crate::model::*;
 pub use crate::parallel;
 pub use crate::registry::{Build, Settings, SpecError};
 pub use crate::simulation::{Failure, HeldDofs, Install, NodeEntities, NodeRows, Simulation};
+pub use crate::state::Kept;
 pub use crate::step::{Clock, StepSet};
 pub use bevy_ecs::prelude::*;
 pub use glam::{DMat3, DQuat, DVec3};

@@ -6,6 +6,8 @@ use crate::simulation::{Failure, NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
 use crate::systems::energy::LookNow;
 use crate::systems::time_step::stable_limit;
+use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +27,13 @@ pub trait Observer {
     /// # Errors
     /// Ends the run.
     fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError>;
+    /// Called after every step that the run goes on from.
+    ///
+    /// # Errors
+    /// Ends the run.
+    fn between_steps(&mut self, _sim: &mut Simulation) -> Result<(), SimulationError> {
+        Ok(())
+    }
     /// True to stop the run after this step.
     fn stop_requested(&self) -> bool {
         false
@@ -77,7 +86,8 @@ pub fn run(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: 
     continue_run(sim, model, sample_interval, observer)
 }
 
-/// Goes on from the current state to the end of the stop criteria.
+/// Goes on from the current state to the end of the stop criteria; from a state that was saved
+/// during a run, as that run would have.
 ///
 /// # Errors
 /// As [`run`].
@@ -87,19 +97,31 @@ pub fn continue_run(
     sample_interval: f64,
     observer: &mut dyn Observer,
 ) -> Result<Status, SimulationError> {
+    let resumed = sim.world.remove_resource::<RunState>();
+    let fresh = resumed.is_none();
+    let state = resumed.unwrap_or_else(|| RunState::new(sim, model, sample_interval));
+    sim.world.insert_resource(state);
+    if fresh {
+        observer.sample(sim)?;
+    }
+    let status = go_on(sim, model, sample_interval, observer);
+    sim.world.remove_resource::<RunState>();
+    status
+}
+
+fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &mut dyn Observer) -> Result<Status, SimulationError> {
     let stop = &model.stop;
-    let mut steady = stop.steady.clone().map(|s| SteadyWatch::new(s, sim));
-    let first = sim.world.resource::<Clock>().step;
-    let mut next_sample = sim.world.resource::<Clock>().time + sample_interval;
-    observer.sample(sim)?;
     loop {
         let (time, dt) = {
             let c = sim.world.resource::<Clock>();
             (c.time, c.dt_next)
         };
         // The look at the energies belongs to the step that reaches a sample or a decision.
-        let sampling = time + dt >= next_sample || stop.time.is_some_and(|t| time + dt >= t);
-        let deciding = steady.as_ref().is_some_and(|s| time + dt >= s.next);
+        let (sampling, deciding) = {
+            let state = sim.world.resource::<RunState>();
+            let sampling = time + dt >= state.next_sample || stop.time.is_some_and(|t| time + dt >= t);
+            (sampling, state.steady.as_ref().is_some_and(|s| time + dt >= s.next))
+        };
         if sampling || deciding {
             sim.world.resource_mut::<LookNow>().0 = true;
         }
@@ -111,15 +133,18 @@ pub fn continue_run(
         };
         if sampling {
             observer.sample(sim)?;
-            while next_sample <= time {
-                next_sample += sample_interval;
+            let mut state = sim.world.resource_mut::<RunState>();
+            while state.next_sample <= time {
+                state.next_sample += sample_interval;
             }
         }
         let status = if observer.stop_requested() {
             Some(Status::Stopped)
-        } else if steady.as_mut().is_some_and(|s| s.reached(time, sim)) {
+        } else if deciding && steady_state_reached(sim, model, time) {
             Some(Status::Converged)
-        } else if stop.time.is_some_and(|t| time >= t * (1.0 - 1e-12)) || stop.steps.is_some_and(|n| step - first >= n) {
+        } else if stop.time.is_some_and(|t| time >= t * (1.0 - 1e-12))
+            || stop.steps.is_some_and(|n| step - sim.world.resource::<RunState>().first >= n)
+        {
             Some(Status::Completed)
         } else {
             None
@@ -131,6 +156,7 @@ pub fn continue_run(
             }
             return Ok(status);
         }
+        observer.between_steps(sim)?;
     }
 }
 
@@ -144,35 +170,46 @@ fn check(sim: &Simulation) -> Result<(), SimulationError> {
     }
 }
 
+/// What the loop remembers from step to step.
+#[derive(Resource, Clone, Debug, Serialize, Deserialize)]
+pub struct RunState {
+    /// Step with which the run began.
+    first: u64,
+    /// Time of the next sample.
+    next_sample: f64,
+    steady: Option<SteadyWatch>,
+}
+
+/// Watches a quantity until it stays as it is.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct SteadyWatch {
-    rule: Steady,
     next: f64,
     last: f64,
     quiet: u32,
 }
 
-impl SteadyWatch {
-    fn new(rule: Steady, sim: &mut Simulation) -> Self {
-        let time = sim.world.resource::<Clock>().time;
-        let last = watched(&rule, sim);
-        SteadyWatch { next: time + rule.interval, rule, last, quiet: 0 }
+impl RunState {
+    fn new(sim: &mut Simulation, model: &Model, sample_interval: f64) -> Self {
+        let Clock { time, step, .. } = *sim.world.resource::<Clock>();
+        let steady = model.stop.steady.as_ref().map(|rule| SteadyWatch { next: time + rule.interval, last: watched(rule, sim), quiet: 0 });
+        RunState { first: step, next_sample: time + sample_interval, steady }
     }
+}
 
-    fn reached(&mut self, time: f64, sim: &mut Simulation) -> bool {
-        if time < self.next {
-            return false;
-        }
-        while self.next <= time {
-            self.next += self.rule.interval;
-        }
-        let now = watched(&self.rule, sim);
-        let change = (now - self.last).abs() / now.abs().max(f64::MIN_POSITIVE);
-        self.last = now;
-        let energy = sim.world.resource::<EnergyLedger>();
-        let resting = energy.kinetic <= self.rule.kinetic_to_strain * energy.strain.abs();
-        self.quiet = if change < self.rule.change && resting { self.quiet + 1 } else { 0 };
-        self.quiet >= self.rule.repeats && time >= self.rule.earliest
+fn steady_state_reached(sim: &mut Simulation, model: &Model, time: f64) -> bool {
+    let Some(rule) = &model.stop.steady else { return false };
+    let now = watched(rule, sim);
+    let energy = *sim.world.resource::<EnergyLedger>();
+    let mut state = sim.world.resource_mut::<RunState>();
+    let Some(watch) = &mut state.steady else { return false };
+    while watch.next <= time {
+        watch.next += rule.interval;
     }
+    let change = (now - watch.last).abs() / now.abs().max(f64::MIN_POSITIVE);
+    watch.last = now;
+    let resting = energy.kinetic <= rule.kinetic_to_strain * energy.strain.abs();
+    watch.quiet = if change < rule.change && resting { watch.quiet + 1 } else { 0 };
+    watch.quiet >= rule.repeats && time >= rule.earliest
 }
 
 /// The watched quantity: the length of a period vector, or the root mean square of all displacements.

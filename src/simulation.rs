@@ -3,6 +3,8 @@ use crate::components::*;
 use crate::element::{Element, NodeMass};
 use crate::model::{Model, RotaryInertiaRule};
 use crate::registry::{Installer, Registry};
+use crate::run::RunState;
+use crate::state;
 use crate::step::{Clock, StepSet, TimeStep};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleConfigs, SingleThreadedExecutor};
@@ -199,6 +201,7 @@ impl Simulation {
         self.spawn_nodes(model)?;
         self.world.insert_resource(Failure::default());
         self.world.insert_resource(Clock { dt_limit: f64::INFINITY, ..Default::default() });
+        remember_nodes(&mut self.world);
         let mut slots = [0; 10];
         let mut install = Install { world: &mut self.world, model, schedule: &mut self.schedule, slots: &mut slots };
         // Loads and clearing come first in the assembly, so installers run before the elements
@@ -328,9 +331,39 @@ impl Simulation {
         crate::systems::energy::take_energies(&mut self.world);
     }
 
+    /// The whole state as bytes, for [`Simulation::restore_state`].
+    ///
+    /// # Errors
+    /// A component or resource of a plugin that cannot be written.
+    pub fn save_state(&mut self) -> Result<Vec<u8>, String> {
+        state::save(&mut self.world)
+    }
+
+    /// Goes back to a saved state; this simulation has been built from the same scene, and started or not.
+    ///
+    /// # Errors
+    /// A state of another scene or program; the simulation is then of no use any more.
+    pub fn restore_state(&mut self, bytes: &[u8]) -> Result<(), String> {
+        state::restore(&mut self.world, bytes)
+    }
+
     /// One time step.
     pub fn step(&mut self) {
         self.schedule.run(&mut self.world);
+    }
+}
+
+/// The state of every model, whatever the plugins.
+fn remember_nodes(world: &mut World) {
+    state::remember_resource::<Clock>(world);
+    state::remember_resource::<RunState>(world);
+    state::remember::<Position>(world);
+    state::remember::<Velocity>(world);
+    state::remember::<Force>(world);
+    if world.contains_resource::<Rotations>() {
+        state::remember::<Orientation>(world);
+        state::remember::<AngularVelocity>(world);
+        state::remember::<Moment>(world);
     }
 }
 

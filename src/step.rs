@@ -18,6 +18,7 @@
 //! of the following half step. Variable steps use (dt_before + dt_after) / 2 in the kick.
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
+use serde::{Deserialize, Serialize};
 
 /// The sets of one time step, in order.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -65,7 +66,7 @@ impl StepSet {
 pub struct TimeStep;
 
 /// Time and time step.
-#[derive(Resource, Clone, Debug, PartialEq, Default)]
+#[derive(Resource, Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Clock {
     /// Time of the current positions.
     pub time: f64,

@@ -101,6 +101,16 @@ impl AxialChains {
     }
 }
 
+impl Kept for AxialChains {
+    type State = (f64, f64);
+    fn state(&self) -> (f64, f64) {
+        (self.work, self.last)
+    }
+    fn put_back(&mut self, (work, last): (f64, f64)) {
+        (self.work, self.last) = (work, last);
+    }
+}
+
 fn install(cx: &mut Install<'_>) {
     if cx.model.integration.axial == AxialScheme::Explicit {
         return;
@@ -166,6 +176,8 @@ fn install(cx: &mut Install<'_>) {
         springs: |_| Vec::new(),
         release: |_, _| {},
     });
+    cx.remember::<Tension>();
+    cx.remember_part::<AxialChains>();
     cx.world.init_resource::<Constraints>();
     cx.add_system(StepSet::Dynamics, solve_tensions);
 }

@@ -29,7 +29,7 @@ pub fn plugin(sim: &mut Simulation) {
 }
 
 /// State of one beam element.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Beam {
     /// Rest length L (length).
     pub rest_length: f64,

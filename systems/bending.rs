@@ -14,7 +14,7 @@ pub fn plugin(sim: &mut Simulation) {
 }
 
 /// State of one three-node bending element.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Bending {
     /// EI over the rest length of the node (force x length).
     pub stiffness: f64,

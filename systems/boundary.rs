@@ -25,7 +25,7 @@ pub fn work_plugin(sim: &mut Simulation) {
 }
 
 /// A prescribed degree of freedom, its reaction at the last position, and the velocities before and after it.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct PrescribedRow {
     /// Row of the node.
     pub row: u32,
@@ -74,6 +74,7 @@ fn install_inertia(cx: &mut Install<'_>) {
     let bundles: Vec<_> = cx.model.prescribed.iter().map(|p| (p.clone(), row(p))).collect();
     cx.world.spawn_batch(bundles);
     cx.world.init_resource::<Dragged>();
+    cx.remember::<PrescribedRow>();
     cx.add_system(StepSet::Condensation, look_ahead);
     if !(cx.model.periodic.is_empty() && cx.model.equations.is_empty()) {
         cx.add_system(StepSet::Condensation, drag_dependents);

@@ -12,7 +12,7 @@ pub fn plugin(sim: &mut Simulation) {
 pub struct MonitorEvery(pub u64);
 
 /// True when the energies were taken at the current step.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct LookNow(pub bool);
 
 fn install(cx: &mut Install<'_>) {
@@ -20,6 +20,9 @@ fn install(cx: &mut Install<'_>) {
     cx.world.insert_resource(MonitorEvery(u64::from(cx.model.integration.monitor_every.max(1))));
     cx.world.insert_resource(LookNow(true));
     cx.world.init_resource::<Supply>();
+    cx.remember_resource::<EnergyLedger>();
+    cx.remember_resource::<LookNow>();
+    cx.remember_resource::<Supply>();
     cx.add_system(StepSet::Monitor, take_energies);
 }
 
@@ -70,7 +73,7 @@ pub fn take_energies(world: &mut World) {
 }
 
 /// Largest energy that was ever put in (force x length).
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Supply(f64);
 
 /// Energy over what was put in from which a run counts as runaway, and the steps until it is looked at:

@@ -27,7 +27,7 @@ impl MassDamping {
 }
 
 /// Watches the kinetic energy for the peaks of kinetic damping.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct KineticPeak {
     last: f64,
 }
@@ -56,6 +56,7 @@ fn install(cx: &mut Install<'_>) {
     }
     if cx.model.integration.damping == Damping::Kinetic {
         cx.world.insert_resource(KineticPeak::default());
+        cx.remember_resource::<KineticPeak>();
         if rotations {
             cx.add_system(StepSet::Kinematics, reset_at_peak_with_rotations);
         } else {

@@ -11,7 +11,7 @@ pub fn plugin(sim: &mut Simulation) {
 pub struct Amplitudes(pub Vec<Amplitude>);
 
 /// Work of one load, kept by halves: force at t_n times the mean of the velocities around it.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, Serialize, Deserialize)]
 struct LoadRow {
     row: u32,
     force: DVec3,
@@ -42,6 +42,7 @@ fn install(cx: &mut Install<'_>) {
             .map(|l| (l.clone(), LoadRow { row: cx.row(l.node) as u32, force: DVec3::ZERO, moment: DVec3::ZERO }))
             .collect();
         cx.world.spawn_batch(bundles);
+        cx.remember::<LoadRow>();
         if rotations {
             cx.add_system(StepSet::Assembly, apply_loads_and_moments);
         } else {

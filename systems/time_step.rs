@@ -27,6 +27,7 @@ fn install(cx: &mut Install<'_>) {
     let viscosity = (1.0 + i.bulk_viscosity * i.bulk_viscosity).sqrt() - i.bulk_viscosity;
     cx.world.insert_resource(StepRule { safety: i.safety * viscosity, fixed: i.dt.is_some(), every: u64::from(i.monitor_every.max(1)) });
     cx.world.init_resource::<StiffnessChanged>();
+    cx.remember_resource::<StiffnessChanged>();
     cx.add_system(StepSet::Monitor, follow_limit);
 }
 

@@ -15,7 +15,7 @@ pub fn plugin(sim: &mut Simulation) {
 }
 
 /// State of one truss element.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Truss {
     /// Rest length L (length).
     pub rest_length: f64,

@@ -5,10 +5,11 @@ use bits::{bits, on_threads};
 use braid_ecs::prelude::*;
 use braid_ecs::run;
 use braid_ecs::scene;
+use braid_ecs::systems::contact::monitor::summarise;
 use braid_ecs::systems::default_plugins;
 
 /// A hexagonal bundle of beams whose outer filaments are pressed inwards for a while and then let go.
-fn bundle(filaments: usize) -> scene::LoadedScene {
+fn bundle(filaments: usize, contact: &str) -> scene::LoadedScene {
     // Filaments of a hexagon come ring by ring: the last ring is pressed.
     let rings = [(1, 7), (7, 19), (19, 37)].into_iter().find(|r| r.1 == filaments).expect("a full hexagon");
     let loads: Vec<String> = (rings.0..rings.1)
@@ -23,7 +24,7 @@ fn bundle(filaments: usize) -> scene::LoadedScene {
                    start: Clamped, end: Clamped)],
         loads: [{}],
         amplitudes: {{ "squeeze": Table([(0, 0), (2, 1), (4, 1), (4.1, 0)]) }},
-        contact: (friction: 0.3),
+        contact: ({contact}),
         stop: (time: 8),
     )"#,
         loads.join(", ")
@@ -60,7 +61,7 @@ impl run::Observer for Watch {
 #[test]
 fn squeezing_and_letting_go_makes_no_energy() {
     for filaments in [7, 19, 37] {
-        let loaded = bundle(filaments);
+        let loaded = bundle(filaments, "friction: 0.3");
         let outcome = |threads: usize| {
             on_threads(threads, || {
                 let mut sim = Simulation::new(default_plugins);
@@ -77,4 +78,66 @@ fn squeezing_and_letting_go_makes_no_energy() {
             assert!(outcome(threads).2 == reference, "{filaments} filaments, {threads} threads");
         }
     }
+}
+
+/// Saved under load, restored on other threads: the same bits to the end.
+#[test]
+fn a_squeezed_bundle_goes_on_from_a_saved_state() {
+    let loaded = bundle(7, "friction: 0.3");
+    let started = || {
+        let mut sim = Simulation::new(default_plugins);
+        sim.build(&loaded.model).expect("a sound model");
+        run::start(&mut sim, &loaded.model).expect("a stable start");
+        sim
+    };
+    let go = |sim: &mut Simulation, until: f64| {
+        while sim.world.resource::<Clock>().time < until {
+            sim.step();
+        }
+    };
+    let (saved, reference) = on_threads(1, || {
+        let mut sim = started();
+        go(&mut sim, 3.0);
+        let saved = sim.save_state().expect("a state");
+        go(&mut sim, 6.0);
+        (saved, bits(&mut sim))
+    });
+    for threads in [1, 2, 5] {
+        let again = on_threads(threads, || {
+            let mut sim = started();
+            sim.restore_state(&saved).expect("a state of this scene");
+            go(&mut sim, 6.0);
+            bits(&mut sim)
+        });
+        assert!(again == reference, "{threads} threads");
+    }
+}
+
+/// Soft contacts are made stiffer until the target holds, with a smaller step and a closed balance.
+#[test]
+fn a_target_penetration_is_reached_as_far_as_the_step_may_shrink() {
+    let squeezed = |slower: f64| {
+        let loaded = bundle(
+            7,
+            &format!("friction: 0.3, stiffness: 1, penetration: (target: 0.01, slower: {slower})), integration: (monitor_every: 4"),
+        );
+        let mut sim = Simulation::new(default_plugins);
+        sim.build(&loaded.model).expect("a sound model");
+        run::start(&mut sim, &loaded.model).expect("a stable start");
+        let first = sim.world.resource::<Clock>().dt_limit;
+        while sim.world.resource::<Clock>().time < 4.0 {
+            sim.step();
+        }
+        sim.refresh_energies();
+        summarise(&mut sim.world);
+        let (contacts, ledger) = (*sim.world.resource::<ContactSummary>(), *sim.world.resource::<EnergyLedger>());
+        assert!(ledger.balance_error().abs() < 5e-3, "{ledger:?}");
+        (0.5 * contacts.p99_penetration_to_radius, contacts.raised, first / sim.world.resource::<Clock>().dt_limit)
+    };
+    let (soft, one, _) = squeezed(1.0);
+    assert!(soft > 0.02 && one == 1.0, "{soft} with the stiffness of the scene");
+    let (held, raised, slower) = squeezed(20.0);
+    assert!(held < 0.0105 && raised > 2.0 && slower < 20.0, "{held}, {raised} times stiffer, {slower} times slower");
+    let (half, raised, _) = squeezed(1.2);
+    assert!((raised - 1.44).abs() < 1e-9 && half > held && half < soft, "{half}, {raised} times stiffer");
 }

@@ -26,9 +26,12 @@ fn states(sim: &mut Simulation, nodes: &[NodeId]) -> Vec<NodeState> {
     nodes.iter().map(|n| all[sim.world.resource::<NodeRows>().of(*n)]).collect()
 }
 
-/// Tension over T1 at the pulled end of a string over a cylinder, half a turn, sliding.
-fn capstan(elements: usize) -> f64 {
-    let (big, r, tail) = (1.0, 0.02, 8);
+/// Radius of the cylinder and of the string over it.
+const OVER: [f64; 2] = [1.0, 0.02];
+
+/// Points of a string over a cylinder, half a turn between two tails, and their distance.
+fn half_turn(elements: usize) -> (Vec<DVec3>, f64) {
+    let ([big, r], tail) = (OVER, 8);
     let length = PI * (big + r) / elements as f64;
     let mut points = Vec::new();
     for i in (1..=tail).rev() {
@@ -41,6 +44,13 @@ fn capstan(elements: usize) -> f64 {
     for i in 1..=tail {
         points.push(DVec3::new(big + r, -(i as f64) * length, 0.0));
     }
+    (points, length)
+}
+
+/// Tension over T1 at the pulled end of a string over a cylinder, half a turn, sliding.
+fn capstan(elements: usize) -> f64 {
+    let [big, r] = OVER;
+    let (points, length) = half_turn(elements);
     dragged(ShapeSpec::Cylinder { radius: Length(big) }, &points, r, length)
 }
 
@@ -214,6 +224,47 @@ fn capstan_with_default_settings() {
         let ratio = capstan(elements);
         assert!((ratio / known - 1.0).abs() < limit, "{elements} elements: {ratio} instead of {known}");
     }
+}
+
+/// A weight of 1 on one end holds any weight below exp(mu pi) = 2.57 on the other, for as long as one
+/// looks: the friction springs do not creep.
+#[test]
+fn a_rope_held_by_less_than_the_capstan_force_holds() {
+    let ([big, r], (points, _)) = (OVER, half_turn(32));
+    let moved = |weight: f64| {
+        let mut m = Model::new("held");
+        let nodes = string(&mut m, &points, r);
+        let mut surface = SurfaceSpec::new(ShapeSpec::Cylinder { radius: Length(big) });
+        surface.friction = Some(Ratio(0.3));
+        m.insert(Surfaces(vec![surface]));
+        let ramp = m.add_amplitude(Amplitude::SmoothStep { rise: 4.0 });
+        let ends = [nodes[0], *nodes.last().unwrap()];
+        for (end, force) in ends.iter().zip([1.0, weight]) {
+            m.loads.push(NodalLoad { node: *end, force: DVec3::NEG_Y * force, moment: DVec3::ZERO, follower: false, amplitude: ramp });
+            m.fix(*end, &[Dof::Ux]);
+        }
+        for n in &nodes {
+            m.fix(*n, &[Dof::Uz]);
+        }
+        m.integration.damping = Damping::Mass(5.0);
+        let mut sim = Simulation::new(default_plugins);
+        sim.build(&m).unwrap();
+        run::start(&mut sim, &m).unwrap();
+        let mut height = |until: f64| {
+            let mut steps = 0;
+            while sim.world.resource::<Clock>().time < until {
+                sim.step();
+                steps += 1;
+            }
+            (states(&mut sim, &ends[1..])[0].x.y, steps)
+        };
+        let (early, late) = (height(12.0), height(100.0));
+        (early.0 - late.0, late.1)
+    };
+    let (creep, steps) = moved(2.4);
+    assert!(steps > 10_000, "{steps} steps");
+    assert!(creep.abs() < 1e-9 * r, "it has moved by {creep} in {steps} steps");
+    assert!(moved(2.7).0 > 0.1, "it must slide");
 }
 
 /// What a surface feels is what lies on it.

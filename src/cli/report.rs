@@ -60,6 +60,13 @@ fn table(o: &Outcome) -> String {
         let half = percent(Some(0.5 * depth));
         row("warning", format!("filaments overlap by up to {half} of the diameter; a stiffer contact is advised above 2 %"));
     }
+    if let Some(raised) = q.stiffness_raised {
+        let half = percent(q.p99_penetration_to_radius.map(|d| 0.5 * d));
+        row(
+            "contacts",
+            format!("made {} times stiffer for the target penetration; 99 % are now below {half} of the diameter", value(Some(raised))),
+        );
+    }
     for (name, v, unit) in o.probes.table() {
         row(name, format!("{} {unit}", value(v)));
     }

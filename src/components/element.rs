@@ -1,5 +1,6 @@
 //! What every element has besides its own type.
 use bevy_ecs::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Rows of the nodes that an element joins, after condensation of the ties.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,5 +18,5 @@ pub struct AxialBar {
 }
 
 /// Tension of an axial bar at the end of the step (force, positive in tension).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tension(pub f64);

@@ -17,7 +17,7 @@ impl NodeId {
 }
 
 /// Current position x (length). Of a dummy node: the current period vector.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Position(pub DVec3);
 
 /// Position in the initial configuration (length).
@@ -25,11 +25,11 @@ pub struct Position(pub DVec3);
 pub struct InitialPosition(pub DVec3);
 
 /// Velocity v at the half step t + dt/2 (length / time).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Velocity(pub DVec3);
 
 /// Sum of all forces on the node at time t (force), after condensation of the constraints.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Force(pub DVec3);
 
 /// Lumped mass (mass).
@@ -42,15 +42,15 @@ pub struct Mass(pub f64);
 pub struct InverseMass(pub DVec3);
 
 /// Rotation of the node's cross-section from the initial configuration (identity at the start).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Orientation(pub DQuat);
 
 /// Spatial angular velocity at the half step (1 / time).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngularVelocity(pub DVec3);
 
 /// Sum of all moments on the node, about its own position, in global axes (force x length).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment(pub DVec3);
 
 /// Isotropic rotary inertia J (mass x length^2).

@@ -302,6 +302,7 @@ impl<'a> Recorder<'a> {
                 kinetic_to_work: finite(e.kinetic / e.external_work.abs()),
                 max_penetration_to_radius: finite(contacts.max_penetration_to_radius),
                 p99_penetration_to_radius: finite(contacts.p99_penetration_to_radius),
+                stiffness_raised: Some(contacts.raised).filter(|r| *r > 0.0),
             },
             measures: measures(self.model, sim, self.units),
             probes: self.probes.values(),

@@ -65,6 +65,8 @@ pub struct Quality {
     pub max_penetration_to_radius: Option<f64>,
     /// 99th percentile of the same over active contacts.
     pub p99_penetration_to_radius: Option<f64>,
+    /// Factor by which the contacts were made stiffer for the target penetration; null without one.
+    pub stiffness_raised: Option<f64>,
 }
 
 /// Neighbour lists of the contacts between filaments; null without such contacts.

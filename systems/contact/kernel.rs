@@ -12,10 +12,10 @@ use super::lane::{Lane, V3};
 use super::law::{Law, Memory, Response, Touch, Zero, respond};
 use super::lines::{Centrelines, Lines};
 use super::records::*;
-use bevy_ecs::prelude::*;
+use braid_ecs::prelude::*;
 
 /// Numbers shared by all records.
-#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Penalty {
     /// The law.
     pub law: Law,

@@ -7,9 +7,10 @@
 //! - Friction after Cundall and Strack (1979): the elastic slip follows the relative motion in the
 //!   tangent plane and is cut back (return mapping) so that k_t |slip| <= mu F_n.
 use super::lane::{Lane, V3};
+use braid_ecs::prelude::*;
 
 /// Numbers of the law that all records share.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Law {
     /// Friction coefficient.
     pub friction: f64,
@@ -73,6 +74,11 @@ pub const APART: f64 = -1.0;
 #[inline(always)]
 pub fn kept_stiffness<L: Lane>(stiffness: L, overlap: L) -> L {
     L::pick(L::splat(0.0).less(overlap), stiffness, L::splat(APART))
+}
+
+/// What is kept of the stiffness when all stiffnesses grow by `factor`.
+pub fn raised(kept: f64, factor: f64) -> f64 {
+    if kept > 0.0 { kept * factor } else { kept }
 }
 
 /// Change of overlap that the motion need not explain, in sums of radii.

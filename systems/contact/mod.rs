@@ -24,6 +24,7 @@ pub mod search;
 mod spec;
 pub mod stiffness;
 pub mod systems;
+pub mod target;
 
 pub use monitor::{ContactKind, ContactReport, all_contacts, filament_contacts};
 pub use spec::{ContactSpec, InitialOverlap};
@@ -114,11 +115,27 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
         refuse_overlap(cx.world)?;
     }
     cx.world.get_resource_or_init::<StiffnessSources>().0.push(("contact", stiffness::bounds));
+    remember(cx);
     cx.add_system(StepSet::ContactSearch, follow);
     cx.add_system(StepSet::ContactSearch, rebuild);
     cx.add_system(StepSet::ContactForces, forces);
     monitor::install(cx);
+    target::install(cx, spec);
     Ok(())
+}
+
+fn remember(cx: &mut Install<'_>) {
+    cx.remember_pool::<LineRecord>(grow_lines);
+    cx.remember_pool::<LineState>(grow_lines);
+    cx.remember_pool::<LineForce>(grow_lines);
+    cx.remember_pool::<PointRecord>(grow_points);
+    cx.remember_pool::<PointState>(grow_points);
+    cx.remember_pool::<PointForce>(grow_points);
+    cx.remember_resource::<LiveRecords>();
+    cx.remember_resource::<Penalty>();
+    cx.remember_resource::<Requests>();
+    cx.remember_resource::<Search>();
+    cx.after_restore(settle);
 }
 
 /// Refuses overlaps at the start, naming the worst one.

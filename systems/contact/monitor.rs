@@ -4,6 +4,7 @@ use super::kernel::{Contact, Penalty};
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
 use super::search::Search;
+use super::target::Target;
 use crate::systems::energy::{LookNow, MonitorEvery};
 use braid_ecs::prelude::*;
 
@@ -170,6 +171,7 @@ pub fn summarise(world: &mut World) {
     let contacts = all_contacts(world);
     let live = world.get_resource::<LiveRecords>().copied().unwrap_or_default();
     let mut summary = ContactSummary { records: live.lines + live.points, ..ContactSummary::default() };
+    summary.raised = world.get_resource::<Target>().map_or(0.0, |t| t.raised);
     summary.rebuilds = world.get_resource::<Search>().map_or(0, |s| s.rebuilds);
     let mut depths = Vec::new();
     let mut energy = 0.0;

@@ -9,11 +9,10 @@
 //! friction history survives when it slides over a node.
 use super::images::Image;
 use super::lines::Lines;
-use bevy_ecs::prelude::*;
-use glam::DVec3;
+use braid_ecs::prelude::*;
 
 /// A node and the segment of another filament that it is beside.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LineRecord {
     /// Slot of the node.
     pub node: u32,
@@ -28,7 +27,7 @@ pub struct LineRecord {
 }
 
 /// What a line record remembers.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LineState {
     /// Parameter of the closest point on the segment.
     pub t: f64,
@@ -50,11 +49,11 @@ impl LineState {
 }
 
 /// Force of a line record on its node, and the parameter it acts at.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LineForce(pub [f64; 4]);
 
 /// Two segments of which the centrelines cross.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointRecord {
     /// Slots of both segments.
     pub segments: [u32; 2],
@@ -63,7 +62,7 @@ pub struct PointRecord {
 }
 
 /// What a point record remembers.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointState {
     /// Parameters of the closest points on both segments.
     pub t: [f64; 2],
@@ -87,7 +86,7 @@ impl PointState {
 }
 
 /// Force of a point record on its first segment, and the parameters it acts at.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PointForce {
     /// Force on the first segment (force).
     pub force: DVec3,
@@ -96,7 +95,7 @@ pub struct PointForce {
 }
 
 /// How many rows of the pools are in use.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LiveRecords {
     /// Line records.
     pub lines: usize,

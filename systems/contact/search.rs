@@ -30,9 +30,11 @@ pub struct Candidate {
 }
 
 /// The tree, and how much of the skin is left.
-#[derive(Resource, Default)]
+#[derive(Resource, Default, Serialize, Deserialize)]
 pub struct Search {
+    #[serde(skip)]
     bvh: Bvh,
+    #[serde(skip)]
     workspace: BvhWorkspace,
     /// Distance beyond touching that the list covers (length).
     pub skin: f64,
@@ -55,12 +57,17 @@ pub struct Search {
     reference_shift: Vec<DVec3>,
     forecast_shift: Vec<DVec3>,
     /// Positions half way through the horizon and at its end.
+    #[serde(skip)]
     middle: Vec<DVec3>,
+    #[serde(skip)]
     end: Vec<DVec3>,
+    #[serde(skip)]
     bulge: Vec<f64>,
     /// Pairs of leaves whose boxes meet.
+    #[serde(skip)]
     pairs: Vec<Candidate>,
     /// Segment of each leaf: leaves are numbered without gaps.
+    #[serde(skip)]
     leaves: Vec<u32>,
 }
 
@@ -123,7 +130,7 @@ impl Search {
     pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool + Sync, out: &mut Vec<Candidate>) {
         self.make_forecast(lines, now);
         self.measure_bulges(lines, now);
-        let fresh = self.rebuilds.is_multiple_of(REBUILD_TREE);
+        let fresh = self.leaves.is_empty() || self.rebuilds.is_multiple_of(REBUILD_TREE);
         if fresh {
             self.leaves.clear();
             self.leaves.extend(lines.segments());

@@ -18,6 +18,8 @@ pub struct ContactSpec {
     pub stiffness: Option<Stiffness>,
     /// Normal stiffness per length of filaments side by side (force / length^2). Default from mass and time step.
     pub line_stiffness: Option<StiffnessPerLength>,
+    /// Penetration to keep below while the run goes on; stiffness and time step follow. Default: none.
+    pub penetration: Option<TargetPenetration>,
     /// Tangential over normal stiffness of the friction springs. Default 0.5.
     pub friction_stiffness: Ratio,
     /// Damping ratio of the normal springs: 1 is critical for the two nodes alone. Default 0.05.
@@ -33,6 +35,21 @@ pub struct ContactSpec {
     pub window: (Ratio, Ratio),
     /// True if a filament may touch itself. Default true.
     pub self_contact: bool,
+}
+
+/// A target penetration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetPenetration {
+    /// 99th percentile of the penetration, in diameters, above which all contacts are made stiffer.
+    pub target: Ratio,
+    /// Factor by which the time step may shrink for it, at least 1. Default 3.
+    #[serde(default = "three")]
+    pub slower: Ratio,
+}
+
+fn three() -> Ratio {
+    Ratio(3.0)
 }
 
 /// What to do with overlap at the start.
@@ -54,6 +71,7 @@ impl Default for ContactSpec {
             friction: Ratio(0.2),
             stiffness: None,
             line_stiffness: None,
+            penetration: None,
             friction_stiffness: Ratio(0.5),
             damping: Ratio(0.05),
             initial_overlap: InitialOverlap::Error,
@@ -100,6 +118,10 @@ impl ContactSpec {
         bounded("friction", "the friction coefficient", self.friction.0, 0.0, f64::INFINITY)?;
         positive("stiffness", "the stiffness of a crossing", self.stiffness.map(f64::from))?;
         positive("line_stiffness", "the stiffness per length", self.line_stiffness.map(f64::from))?;
+        if let Some(p) = &self.penetration {
+            bounded("penetration.target", "the target penetration", p.target.0, 1e-5, 0.5)?;
+            bounded("penetration.slower", "the factor on the time step", p.slower.0, 1.0, 1000.0)?;
+        }
         bounded("friction_stiffness", "the stiffness ratio of friction", self.friction_stiffness.0, 1e-6, 1.0)?;
         bounded("damping", "the damping ratio", self.damping.0, 0.0, 1.0)?;
         bounded("skin", "the skin", self.skin.0, 0.01, 100.0)?;

@@ -13,7 +13,7 @@ use braid_ecs::prelude::*;
 pub struct JointMasses(pub Vec<f64>);
 
 /// What the last evaluation asks of the next search.
-#[derive(Resource, Clone, Copy, Debug, Default)]
+#[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Requests {
     /// Records have left their segment.
     pub strayed: bool,
@@ -115,7 +115,8 @@ pub fn make_list(world: &mut World) {
         }
         builder.0.inherit(lines, (&old_lines.0, &old_lines.1), (&old_points.0, &old_points.1));
     }
-    reserve(world, &builder.0);
+    grow_lines(world, builder.0.lines.len());
+    grow_points(world, builder.0.points.len());
     for (new, (mut r, mut s)) in builder.0.lines.iter().zip(line.iter_mut(world)) {
         (*r, *s) = *new;
     }
@@ -135,16 +136,32 @@ pub fn make_list(world: &mut World) {
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct SelfContact(pub bool);
 
-/// Makes room in the pools; they never shrink.
-fn reserve(world: &mut World, builder: &Builder) {
-    let have = (world.query::<&LineRecord>().iter(world).len(), world.query::<&PointRecord>().iter(world).len());
-    let wanted = |need: usize, have: usize| if need > have { (need + need / 2).max(16) - have } else { 0 };
-    let lines = wanted(builder.lines.len().max(1), have.0);
+/// Rows to add to a pool that has `have` and needs `need`, with room for more.
+pub fn shortage(need: usize, have: usize) -> usize {
+    if need.max(1) > have { (need + need / 2).max(16) - have } else { 0 }
+}
+
+/// Makes room for so many line records.
+pub fn grow_lines(world: &mut World, need: usize) {
+    let rows = shortage(need, world.query::<&LineRecord>().iter(world).len());
     let idle = LineRecord { node: u32::MAX, segment: u32::MAX, image: 0, half: false, crossing: false };
-    world.spawn_batch((0..lines).map(|_| (idle, LineState::at(0.0), LineForce::default())).collect::<Vec<_>>());
-    let points = wanted(builder.points.len().max(1), have.1);
+    world.spawn_batch(vec![(idle, LineState::at(0.0), LineForce::default()); rows]);
+}
+
+/// Makes room for so many point records.
+pub fn grow_points(world: &mut World, need: usize) {
+    let rows = shortage(need, world.query::<&PointRecord>().iter(world).len());
     let idle = PointRecord { segments: [u32::MAX; 2], image: 0 };
-    world.spawn_batch((0..points).map(|_| (idle, PointState::at([0.0; 2]), PointForce::default())).collect::<Vec<_>>());
+    world.spawn_batch(vec![(idle, PointState::at([0.0; 2]), PointForce::default()); rows]);
+}
+
+/// After a restore: who acts on whom follows from the records, and the stiffness has been found.
+pub fn settle(world: &mut World) {
+    world.remove_resource::<super::stiffness::Wanted>();
+    let live = *world.resource::<LiveRecords>();
+    let records: Vec<LineRecord> = world.query::<&LineRecord>().iter(world).take(live.lines).copied().collect();
+    let points: Vec<PointRecord> = world.query::<&PointRecord>().iter(world).take(live.points).copied().collect();
+    world.resource_scope(|world, mut gather: Mut<Gather>| gather.index(world.resource::<Lines>(), &records, &points));
 }
 
 /// Forces of all records, and their sums at the nodes.

@@ -12,4 +12,4 @@ mod systems;
 
 pub use kernel::Surface;
 pub use spec::{Mandrel, ShapeSpec, SurfaceSpec, Surfaces, surface_specs};
-pub use systems::{SurfaceReactions, SurfaceSet, plugin, surface_contacts};
+pub use systems::{SurfaceReactions, SurfaceSet, plugin, raise_stiffness, surface_contacts};

@@ -3,7 +3,7 @@
 use braid_ecs::prelude::*;
 
 /// A node near a surface.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceRecord {
     /// Number of the surface.
     pub surface: u32,
@@ -12,7 +12,7 @@ pub struct SurfaceRecord {
 }
 
 /// What a surface record remembers.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceState {
     /// Elastic slip of the friction spring (length).
     pub slip: DVec3,
@@ -23,7 +23,7 @@ pub struct SurfaceState {
 }
 
 /// A segment near an edge of a surface.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeRecord {
     /// Number of the surface.
     pub surface: u32,
@@ -34,7 +34,7 @@ pub struct EdgeRecord {
 }
 
 /// What an edge record remembers.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeState {
     /// Parameter of the point nearest to the edge.
     pub t: f64,
@@ -58,7 +58,7 @@ impl EdgeState {
 }
 
 /// How many rows of the pools are in use.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LiveSurfaceRecords {
     /// Nodes near surfaces.
     pub nodes: usize,

@@ -4,11 +4,11 @@ use super::records::*;
 use super::shape::Shape;
 use super::spec::{Mandrel, SurfaceSpec, Surfaces, surface_specs};
 use crate::systems::contact::images::Images;
-use crate::systems::contact::law::{APART, Law, kept_stiffness};
+use crate::systems::contact::law::{APART, Law, kept_stiffness, raised};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::contact::records::{rehome, strayed};
 use crate::systems::contact::stiffness::{Spread, element_frequency, share_copies};
-use crate::systems::contact::systems::Relaxation;
+use crate::systems::contact::systems::{Relaxation, shortage};
 use crate::systems::contact::{ContactKind, ContactReport, InitialOverlap, TOLERATED_OVERLAP, install_lines, monitor};
 use braid_ecs::prelude::*;
 
@@ -32,6 +32,40 @@ pub struct SurfaceSet {
     /// Times the list was made.
     pub rebuilds: u64,
     moved: bool,
+}
+
+/// What changes of the surfaces: the stiffness, once it is found, and the list.
+#[derive(Serialize, Deserialize)]
+pub struct SurfaceSetState {
+    stiffness: Vec<[f64; 3]>,
+    resolved: bool,
+    budget: f64,
+    reference: Vec<DVec3>,
+    rebuilds: u64,
+    moved: bool,
+}
+
+impl Kept for SurfaceSet {
+    type State = SurfaceSetState;
+
+    fn state(&self) -> SurfaceSetState {
+        SurfaceSetState {
+            stiffness: self.surfaces.iter().map(|s| [s.line_stiffness, s.point_stiffness, s.keep]).collect(),
+            resolved: self.resolved,
+            budget: self.budget,
+            reference: self.reference.clone(),
+            rebuilds: self.rebuilds,
+            moved: self.moved,
+        }
+    }
+
+    fn put_back(&mut self, state: SurfaceSetState) {
+        for (s, k) in self.surfaces.iter_mut().zip(state.stiffness) {
+            [s.line_stiffness, s.point_stiffness, s.keep] = k;
+        }
+        (self.resolved, self.budget, self.reference) = (state.resolved, state.budget, state.reference);
+        (self.rebuilds, self.moved) = (state.rebuilds, state.moved);
+    }
 }
 
 /// Force and moment about the origin that filaments put on each surface, and the work of friction on it.
@@ -99,6 +133,12 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
     make_list(cx.world);
     treat_overlap(cx.world)?;
     cx.world.get_resource_or_init::<StiffnessSources>().0.push(("surface", bounds));
+    cx.remember_pool::<SurfaceRecord>(grow_nodes);
+    cx.remember_pool::<SurfaceState>(grow_nodes);
+    cx.remember_pool::<EdgeRecord>(grow_edges);
+    cx.remember_pool::<EdgeState>(grow_edges);
+    cx.remember_resource::<LiveSurfaceRecords>();
+    cx.remember_part::<SurfaceSet>();
     cx.add_system(StepSet::ContactSearch, follow);
     cx.add_system(StepSet::ContactSearch, rebuild);
     cx.add_system(StepSet::ContactForces, forces);
@@ -172,6 +212,22 @@ fn resolve(world: &mut World) {
     world.insert_resource(set);
 }
 
+/// Makes all surfaces stiffer by a factor; the friction springs keep their force.
+pub fn raise_stiffness(world: &mut World, factor: f64) {
+    let Some(mut set) = world.get_resource_mut::<SurfaceSet>() else { return };
+    for surface in &mut set.surfaces {
+        surface.line_stiffness *= factor;
+        surface.point_stiffness *= factor;
+    }
+    for mut s in world.query::<&mut SurfaceState>().iter_mut(world) {
+        s.slip /= factor;
+    }
+    for mut s in world.query::<&mut EdgeState>().iter_mut(world) {
+        s.stiffness = raised(s.stiffness, factor);
+        s.slip /= factor;
+    }
+}
+
 /// Records over edges that have left their segment move on; decides whether a new list is due.
 fn follow(
     clock: Res<Clock>,
@@ -232,12 +288,8 @@ fn make_list(world: &mut World) {
     set.budget = set.skin;
     set.rebuilds += 1;
     world.insert_resource(set);
-    let have = (node_query.iter(world).len(), edge_query.iter(world).len());
-    let wanted = |need: usize, have: usize| if need.max(1) > have { (need + need / 2).max(16) - have } else { 0 };
-    let idle = (SurfaceRecord { surface: u32::MAX, node: u32::MAX }, SurfaceState::default());
-    world.spawn_batch(vec![idle; wanted(nodes.len(), have.0)]);
-    let idle = (EdgeRecord { surface: u32::MAX, edge: u32::MAX, segment: u32::MAX }, EdgeState::at(0.0));
-    world.spawn_batch(vec![idle; wanted(edges.len(), have.1)]);
+    grow_nodes(world, nodes.len());
+    grow_edges(world, edges.len());
     for (new, (mut r, mut s)) in nodes.iter().zip(node_query.iter_mut(world)) {
         (*r, *s) = *new;
     }
@@ -245,6 +297,18 @@ fn make_list(world: &mut World) {
         (*r, *s) = *new;
     }
     *world.resource_mut::<LiveSurfaceRecords>() = LiveSurfaceRecords { nodes: nodes.len(), edges: edges.len() };
+}
+
+fn grow_nodes(world: &mut World, need: usize) {
+    let rows = shortage(need, world.query::<&SurfaceRecord>().iter(world).len());
+    let idle = (SurfaceRecord { surface: u32::MAX, node: u32::MAX }, SurfaceState::default());
+    world.spawn_batch(vec![idle; rows]);
+}
+
+fn grow_edges(world: &mut World, need: usize) {
+    let rows = shortage(need, world.query::<&EdgeRecord>().iter(world).len());
+    let idle = (EdgeRecord { surface: u32::MAX, edge: u32::MAX, segment: u32::MAX }, EdgeState::at(0.0));
+    world.spawn_batch(vec![idle; rows]);
 }
 
 fn near_nodes(surface: &Surface, k: u32, skin: f64, lines: &Lines, now: &Centrelines, out: &mut Vec<(SurfaceRecord, SurfaceState)>) {

@@ -129,9 +129,9 @@ fn translational_forces<E: Element<N>, const N: usize>(
 ) {
     let (x, v) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
-    parallel::zip3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
-        let state = c.0.map(|r| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO });
-        out.0 = e.internal_force(state);
+    let state = |r: u32| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO };
+    parallel::chunks3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+        E::internal_forces(e, c, state, out);
     });
 }
 
@@ -141,12 +141,12 @@ fn rotational_forces<E: Element<N>, const N: usize>(
 ) {
     let (x, v, q, w) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
-    parallel::zip3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
-        let state = c.0.map(|r| {
-            let r = r as usize;
-            NodeState { x: x[r].0, v: v[r].0, q: q[r].0, w: w[r].0 }
-        });
-        out.0 = e.internal_force(state);
+    let state = |r: u32| {
+        let r = r as usize;
+        NodeState { x: x[r].0, v: v[r].0, q: q[r].0, w: w[r].0 }
+    };
+    parallel::chunks3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
+        E::internal_forces(e, c, state, out);
     });
 }
 

@@ -1,4 +1,5 @@
 //! The element interface: a kernel on one element; the loops over all of them are in `assembly.rs`.
+use crate::components::Connectivity;
 use crate::model::Chain;
 use crate::registry::{Build, SpecError};
 use bevy_ecs::component::Mutable;
@@ -139,6 +140,20 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
 
     /// Internal force dE/dx (the engine subtracts it from the loads). May update history.
     fn internal_force(&mut self, nodes: [NodeState; N]) -> [Self::Force; N];
+
+    /// Internal forces of many elements, by default one after the other. Kinds whose kernel is worth it take
+    /// several at once ([`Lane`](crate::lane::Lane)); `state` gives the state of a row.
+    #[inline]
+    fn internal_forces(
+        elements: &mut [Self],
+        rows: &[Connectivity<N>],
+        state: impl Fn(u32) -> NodeState + Copy,
+        out: &mut [EndForces<Self, N>],
+    ) {
+        for ((element, rows), out) in elements.iter_mut().zip(rows).zip(out) {
+            out.0 = element.internal_force(rows.0.map(state));
+        }
+    }
 
     /// Strain energy (force x length), without an axial spring that was released.
     fn strain_energy(&self, nodes: [NodeState; N]) -> f64;

@@ -10,6 +10,7 @@ pub mod columns;
 pub mod components;
 pub mod element;
 pub mod generate;
+pub mod lane;
 pub mod ledger;
 pub mod measure;
 pub mod model;

@@ -35,14 +35,22 @@ pub fn zip3<A: Send, B: Sync, C: Sync>(a: &mut [A], b: &[B], c: &[C], chunk: usi
 
 /// Runs `f` on every triple of rows of which the first and the last are written.
 pub fn zip3_mut<A: Send, B: Sync, C: Send>(a: &mut [A], b: &[B], c: &mut [C], chunk: usize, f: impl Fn(&mut A, &B, &mut C) + Sync) {
+    chunks3_mut(a, b, c, chunk, |a, b, c| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| f(a, b, c)));
+}
+
+/// Runs `f` on every chunk of three columns of which the first and the last are written.
+pub fn chunks3_mut<A: Send, B: Sync, C: Send>(
+    a: &mut [A],
+    b: &[B],
+    c: &mut [C],
+    chunk: usize,
+    f: impl Fn(&mut [A], &[B], &mut [C]) + Sync,
+) {
     assert!(a.len() == b.len() && b.len() == c.len(), "columns of one table have one length");
     if serial(a.len(), chunk) {
-        a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| f(a, b, c));
+        f(a, b, c);
     } else {
-        a.par_chunks_mut(chunk)
-            .zip(b.par_chunks(chunk))
-            .zip(c.par_chunks_mut(chunk))
-            .for_each(|((a, b), c)| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| f(a, b, c)));
+        a.par_chunks_mut(chunk).zip(b.par_chunks(chunk)).zip(c.par_chunks_mut(chunk)).for_each(|((a, b), c)| f(a, b, c));
     }
 }
 

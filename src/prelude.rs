@@ -4,6 +4,7 @@ pub use crate::assembly::{KindReport, KindReports, StiffnessChanged, StiffnessSo
 pub use crate::columns::columns;
 pub use crate::components::*;
 pub use crate::element::*;
+pub use crate::lane::{Lane, V3};
 pub use crate::ledger::{ContactSummary, EnergyLedger};
 pub use crate::model::*;
 pub use crate::parallel;
@@ -14,3 +15,4 @@ pub use crate::step::{Clock, StepSet};
 pub use bevy_ecs::prelude::*;
 pub use glam::{DMat3, DQuat, DVec3};
 pub use serde::{Deserialize, Serialize};
+pub use wide::f64x4;

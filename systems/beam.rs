@@ -37,10 +37,8 @@ pub struct Beam {
     pub ea: f64,
     /// EA of the section, kept for output (force).
     pub full_ea: f64,
-    /// K / L in initial global axes (force x length).
-    pub bending: DMat3,
-    /// S in initial global axes (force x length).
-    pub chord: DMat3,
+    /// K / L and S in initial global axes (force x length): xx, yy, zz, yz, zx, xy of each.
+    pub stiffness: [[f64; 6]; 2],
     /// Stress-free relative rotation phi0 in initial global axes (radian).
     pub phi0: DVec3,
     /// Stress-free chord c0 in initial global axes.
@@ -147,27 +145,35 @@ impl Element<2> for Beam {
 
     #[inline]
     fn internal_force(&mut self, nodes: [NodeState; 2]) -> [Wrench; 2] {
-        let k = Kinematics::of(&nodes);
-        let moment = self.bending * (k.phi - self.phi0);
-        let g = self.chord * (k.c - self.c0);
-        let n = self.ea * (k.l / self.rest_length - 1.0);
-        // B M = M along phi, scaled across it: with s = sin(t/2) n = vec(r) and phi = b s,
-        // b = (t/2) / sin(t/2) x 2 / 2; the projector uses s itself.
-        let along = if k.s2 > 0.0 { k.s * (k.s.dot(moment) / k.s2) } else { DVec3::ZERO };
-        let bm = along + (moment - along) * k.b;
-        let mu = g.cross(k.c);
-        let relative = bm - mu.cross(k.h) * 0.5;
-        let half = mu * 0.5;
-        let (m1, m2) = (k.mid * (half - relative), k.mid * (half + relative));
-        let shear = k.mid * g;
-        let f = k.e * n + (shear - k.e * k.e.dot(shear)) / k.l;
-        [Wrench { force: -f, moment: m1 }, Wrench { force: f, moment: m2 }]
+        let mut out = [EndForces::default()];
+        at_once::<f64>(std::slice::from_ref(self), |_, end| nodes[end], &mut out);
+        out[0].0
+    }
+
+    #[inline]
+    fn internal_forces(
+        elements: &mut [Self],
+        rows: &[Connectivity<2>],
+        state: impl Fn(u32) -> NodeState + Copy,
+        out: &mut [EndForces<Self, 2>],
+    ) {
+        let mut first = 0;
+        while first + f64x4::WIDTH <= elements.len() {
+            let group = first..first + f64x4::WIDTH;
+            at_once::<f64x4>(&elements[group.clone()], |lane, end| state(rows[first + lane].0[end]), &mut out[group]);
+            first += f64x4::WIDTH;
+        }
+        for k in first..elements.len() {
+            at_once::<f64>(&elements[k..=k], |_, end| state(rows[k].0[end]), &mut out[k..=k]);
+        }
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
-        let k = Kinematics::of(&nodes);
-        let (p, d, strain) = (k.phi - self.phi0, k.c - self.c0, k.l / self.rest_length - 1.0);
-        0.5 * (p.dot(self.bending * p) + d.dot(self.chord * d) + self.ea * self.rest_length * strain * strain)
+        let k = Kinematics::<f64>::of(|_, end| nodes[end]);
+        let section = Stiffness::<f64>::of(std::slice::from_ref(self));
+        let (p, d, strain) = (k.phi - section.phi0, k.c - section.c0, k.l / self.rest_length - 1.0);
+        let [bending, chord] = [section.bending.times(p), section.chord.times(d)];
+        0.5 * (p.dot(bending) + d.dot(chord) + self.ea * self.rest_length * strain * strain)
     }
 
     fn stiffness_bound(&self, nodes: [NodeState; 2], masses: [NodeMass; 2]) -> [StiffnessBound; 2] {
@@ -205,10 +211,11 @@ impl Element<2> for Beam {
     }
 
     fn section_force(&self, nodes: [NodeState; 2]) -> SectionForce {
-        let k = Kinematics::of(&nodes);
-        let moment = self.bending * (k.phi - self.phi0);
-        let shear = self.chord * (k.c - self.c0) / k.l;
-        let axis = k.c;
+        let k = Kinematics::<f64>::of(|_, end| nodes[end]);
+        let section = Stiffness::<f64>::of(std::slice::from_ref(self));
+        let moment = section.bending.times(k.phi - section.phi0).lane(0);
+        let shear = section.chord.times(k.c - section.c0).lane(0) / k.l;
+        let axis = k.c.lane(0);
         let torsion = moment.dot(axis);
         let bending = moment - axis * torsion;
         // The end moments differ from the mean by half the shear force times the length.
@@ -224,7 +231,8 @@ impl Element<2> for Beam {
 
 impl Beam {
     fn new(rest_length: f64, axes: [DVec3; 3], section: &Section) -> Self {
-        let outer = |a: DVec3, k: f64| DMat3::from_cols(a * (a.x * k), a * (a.y * k), a * (a.z * k));
+        let outer = |a: DVec3, k: f64| [a.x * a.x, a.y * a.y, a.z * a.z, a.y * a.z, a.z * a.x, a.x * a.y].map(|p| p * k);
+        let sum = |parts: &[[f64; 6]]| std::array::from_fn(|i| parts.iter().map(|p| p[i]).sum());
         let [a1, a2, a3] = axes;
         let l = rest_length;
         let shear = |ei: f64| 12.0 * ei / l / (1.0 + 12.0 * ei / (section.ga * l * l));
@@ -232,9 +240,11 @@ impl Beam {
             rest_length,
             ea: section.ea,
             full_ea: section.ea,
-            bending: outer(a1, section.gj / l) + outer(a2, section.ei[0] / l) + outer(a3, section.ei[1] / l),
-            // A chord that leans towards a2 bends the beam about a3, and the other way round.
-            chord: outer(a2, shear(section.ei[1])) + outer(a3, shear(section.ei[0])),
+            stiffness: [
+                sum(&[outer(a1, section.gj / l), outer(a2, section.ei[0] / l), outer(a3, section.ei[1] / l)]),
+                // A chord that leans towards a2 bends the beam about a3, and the other way round.
+                sum(&[outer(a2, shear(section.ei[1])), outer(a3, shear(section.ei[0]))]),
+            ],
             phi0: DVec3::ZERO,
             c0: a1,
             stiffest: [section.ei[0].max(section.ei[1]), section.gj, shear(section.ei[0]).max(shear(section.ei[1])) * l / 12.0],
@@ -244,58 +254,160 @@ impl Beam {
     }
 }
 
-/// What the energy depends on.
-struct Kinematics {
-    /// Unit chord, and its length.
-    e: DVec3,
-    l: f64,
-    /// Vector part of q1^-1 q2, that is sin(t/2) n, and its square.
-    s: DVec3,
-    s2: f64,
-    /// (t/2) / sin(t/2).
-    b: f64,
-    /// Relative rotation vector.
-    phi: DVec3,
-    /// tan(t/4) n.
-    h: DVec3,
-    /// Mid rotation.
-    mid: DMat3,
-    /// Chord seen from the mid rotation.
-    c: DVec3,
+/// A symmetric matrix: xx, yy, zz, yz, zx, xy.
+#[derive(Clone, Copy)]
+struct Symmetric<L>([L; 6]);
+
+impl<L: Lane> Symmetric<L> {
+    #[inline(always)]
+    fn times(&self, v: V3<L>) -> V3<L> {
+        let [xx, yy, zz, yz, zx, xy] = self.0;
+        V3::new(xx * v.x + xy * v.y + zx * v.z, xy * v.x + yy * v.y + yz * v.z, zx * v.x + yz * v.y + zz * v.z)
+    }
 }
 
-impl Kinematics {
-    #[inline]
-    fn of(nodes: &[NodeState; 2]) -> Self {
-        let d = nodes[1].x - nodes[0].x;
-        let l = d.length();
-        let e = d / l;
-        let (q1, mut q2) = (nodes[0].q, nodes[1].q);
-        if q1.dot(q2) < 0.0 {
-            q2 = -q2;
+/// Stiffness and stress-free shape of `L::WIDTH` beams.
+struct Stiffness<L> {
+    bending: Symmetric<L>,
+    chord: Symmetric<L>,
+    phi0: V3<L>,
+    c0: V3<L>,
+    ea: L,
+    rest_length: L,
+}
+
+impl<L: Lane> Stiffness<L> {
+    #[inline(always)]
+    fn of(beams: &[Beam]) -> Self {
+        let [xx, yy, zz, yz] = L::rows(|l| std::array::from_fn(|i| beams[l].stiffness[0][i]));
+        let [zx, xy, cxx, cyy] = L::rows(|l| [beams[l].stiffness[0][4], beams[l].stiffness[0][5], beams[l].stiffness[1][0], beams[l].stiffness[1][1]]);
+        let [czz, cyz, czx, cxy] = L::rows(|l| std::array::from_fn(|i| beams[l].stiffness[1][2 + i]));
+        let [px, py, pz, ea] = L::rows(|l| [beams[l].phi0.x, beams[l].phi0.y, beams[l].phi0.z, beams[l].ea]);
+        let [cx, cy, cz, rest_length] = L::rows(|l| [beams[l].c0.x, beams[l].c0.y, beams[l].c0.z, beams[l].rest_length]);
+        Stiffness {
+            bending: Symmetric([xx, yy, zz, yz, zx, xy]),
+            chord: Symmetric([cxx, cyy, czz, cyz, czx, cxy]),
+            phi0: V3::new(px, py, pz),
+            c0: V3::new(cx, cy, cz),
+            ea,
+            rest_length,
         }
-        let r = q1.conjugate() * q2;
-        let s = r.xyz();
-        let s2 = s.length_squared();
-        // t/2 = asin(|s|) on the branch where the scalar part is not negative.
-        let b = half_angle_over_sine(s2, r.w);
-        let mid = DMat3::from_quat((q1 + q2).normalize());
-        Kinematics { e, l, s, s2, b, phi: s * (2.0 * b), h: s / (1.0 + r.w), mid, c: mid.transpose() * e }
+    }
+}
+
+/// What the energy depends on.
+struct Kinematics<L> {
+    /// Unit chord, and its length.
+    e: V3<L>,
+    l: L,
+    /// Vector part of q1^-1 q2, that is sin(t/2) n, and its square.
+    s: V3<L>,
+    s2: L,
+    /// (t/2) / sin(t/2).
+    b: L,
+    /// Relative rotation vector.
+    phi: V3<L>,
+    /// tan(t/4) n.
+    h: V3<L>,
+    /// Rows of the mid rotation.
+    mid: [V3<L>; 3],
+    /// Chord seen from the mid rotation.
+    c: V3<L>,
+}
+
+impl<L: Lane> Kinematics<L> {
+    /// Of `L::WIDTH` beams; `state` gives the state of an end of a beam.
+    #[inline(always)]
+    fn of(state: impl Fn(usize, usize) -> NodeState) -> Self {
+        let (one, two) = (L::splat(1.0), L::splat(2.0));
+        let [x, q] = [0, 1].map(|what| {
+            [0, 1].map(|end| {
+                L::rows(|lane| {
+                    let s = state(lane, end);
+                    if what == 0 { [s.x.x, s.x.y, s.x.z, 0.0] } else { s.q.to_array() }
+                })
+            })
+        });
+        let d = V3::new(x[1][0] - x[0][0], x[1][1] - x[0][1], x[1][2] - x[0][2]);
+        let l = d.dot(d).sqrt();
+        let e = d * (one / l);
+        let [x1, y1, z1, w1] = q[0];
+        let [x2, y2, z2, w2] = q[1];
+        // Of the two quaternions of a rotation, the one on the side of the other end.
+        let opposite = (x1 * x2 + y1 * y2 + z1 * z2 + w1 * w2).less(L::splat(0.0));
+        let sign = L::pick(opposite, -one, one);
+        let (u1, u2, w2) = (V3::new(x1, y1, z1), V3::new(x2, y2, z2) * sign, w2 * sign);
+        let w = w1 * w2 + u1.dot(u2);
+        let s = u2 * w1 - u1 * w2 - u1.cross(u2);
+        let s2 = s.dot(s);
+        let b = half_angle_over_sine(s2, w);
+        let (u, v) = (u1 + u2, w1 + w2);
+        // With n = 2 / |q|^2 a quaternion need not have length one.
+        let n = two / (u.dot(u) + v * v);
+        let (xx, yy, zz) = (u.x * u.x * n, u.y * u.y * n, u.z * u.z * n);
+        let (xy, yz, zx) = (u.x * u.y * n, u.y * u.z * n, u.z * u.x * n);
+        let (wx, wy, wz) = (v * u.x * n, v * u.y * n, v * u.z * n);
+        let mid =
+            [V3::new(one - yy - zz, xy - wz, zx + wy), V3::new(xy + wz, one - xx - zz, yz - wx), V3::new(zx - wy, yz + wx, one - xx - yy)];
+        let c = mid[0] * e.x + mid[1] * e.y + mid[2] * e.z;
+        Kinematics { e, l, s, s2, b, phi: s * (two * b), h: s * (one / (one + w)), mid, c }
+    }
+
+    /// A vector of the mid frame in global axes.
+    #[inline(always)]
+    fn global(&self, v: V3<L>) -> V3<L> {
+        V3::new(self.mid[0].dot(v), self.mid[1].dot(v), self.mid[2].dot(v))
+    }
+}
+
+/// Forces of `L::WIDTH` beams on their ends; `state` gives the state of an end of a beam.
+#[inline(always)]
+fn at_once<L: Lane>(beams: &[Beam], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Beam, 2>]) {
+    let (zero, half) = (L::splat(0.0), L::splat(0.5));
+    let k = Kinematics::<L>::of(state);
+    let section = Stiffness::<L>::of(beams);
+    let moment = section.bending.times(k.phi - section.phi0);
+    let g = section.chord.times(k.c - section.c0);
+    let n = section.ea * (k.l / section.rest_length - L::splat(1.0));
+    // B M = M along phi, scaled across it; the projector uses s = sin(t/2) n.
+    let turned = zero.less(k.s2);
+    let share = L::pick(turned, k.s.dot(moment) / L::pick(turned, k.s2, L::splat(1.0)), zero);
+    let along = k.s * share;
+    let bm = along + (moment - along) * k.b;
+    let mu = g.cross(k.c);
+    let relative = bm - mu.cross(k.h) * half;
+    let mean = mu * half;
+    let (m1, m2) = (k.global(mean - relative), k.global(mean + relative));
+    let shear = k.global(g);
+    let f = k.e * n + (shear - k.e * k.e.dot(shear)) * (L::splat(1.0) / k.l);
+    for (lane, out) in out.iter_mut().enumerate() {
+        let f = f.lane(lane);
+        out.0 = [Wrench { force: -f, moment: m1.lane(lane) }, Wrench { force: f, moment: m2.lane(lane) }];
     }
 }
 
 /// (t/2) / sin(t/2) from sin^2(t/2) and cos(t/2): a series where the quotient loses digits.
-#[inline]
-fn half_angle_over_sine(s2: f64, w: f64) -> f64 {
-    if s2 < 0.01 {
-        // asin(s)/s; the first term left out is below 1e-17.
-        1.0 + s2
-            * (1.0 / 6.0
-                + s2 * (3.0 / 40.0
-                    + s2 * (15.0 / 336.0
-                        + s2 * (105.0 / 3456.0 + s2 * (945.0 / 42240.0 + s2 * (10395.0 / 599040.0 + s2 * (135135.0 / 9676800.0)))))))
-    } else {
-        let s = s2.sqrt();
-        s.atan2(w) / s
+#[inline(always)]
+fn half_angle_over_sine<L: Lane>(s2: L, w: L) -> L {
+    // asin(s)/s; the first term left out is below 1e-17 up to s^2 = 0.01.
+    const SERIES: [f64; 8] = [
+        135135.0 / 9676800.0,
+        10395.0 / 599040.0,
+        945.0 / 42240.0,
+        105.0 / 3456.0,
+        15.0 / 336.0,
+        3.0 / 40.0,
+        1.0 / 6.0,
+        1.0,
+    ];
+    let small = s2.less(L::splat(0.01));
+    let series = SERIES.iter().fold(L::splat(0.0), |sum, c| sum * s2 + L::splat(*c));
+    if !L::any(L::splat(0.01 - f64::EPSILON).less(s2)) {
+        return series;
     }
+    let exact = L::from_fn(|lane| {
+        let s = s2.lane(lane).sqrt();
+        s.atan2(w.lane(lane)) / s
+    });
+    L::pick(small, series, exact)
 }

@@ -62,6 +62,42 @@ fn the_list_is_what_brute_force_finds() {
     }
 }
 
+/// One node swings so fast that it leaves half the skin in two steps: lists last nevertheless, and
+/// hold whatever touches.
+#[test]
+fn a_node_that_whips_gets_room_of_its_own() {
+    let mut model = Model::new("");
+    for k in 0..40 {
+        let from = DVec3::new(f64::from(k % 8) * 2.5, f64::from(k / 8) * 2.5, 0.0);
+        filament(&mut model, &straight(from, DVec3::Z * 10.0, 13), 1.0);
+    }
+    let mut rig = Rig::new(&model, settings(1.0, 10.0), 1.0);
+    let segments: Vec<u32> = rig.lines.segments().collect();
+    let node = 13 * 17 + 6;
+    let (home, zero) = (rig.x[node].0, rig.lines.images.zero());
+    let (mut before, mut after) = (0, 0);
+    for step in 0..400 {
+        let phase = f64::from(step) * 0.3;
+        rig.x[node].0 = home + DVec3::X * phase.sin();
+        rig.v[node].0 = DVec3::X * (0.3 * phase.cos());
+        rig.evaluate(1.0);
+        if step == 100 {
+            before = rig.search.rebuilds;
+        }
+        after = rig.search.rebuilds;
+        let x = |s: u32| DVec3::from_slice(&rig.now.x[s as usize][..3]);
+        for (i, &a) in segments.iter().enumerate() {
+            for &b in &segments[i + 1..] {
+                let c = Candidate { a, b, image: zero };
+                if segment_distance_squared(x(a), x(a + 1), x(b), x(b + 1)) < 4.0 && !excluded(&rig.lines, c) {
+                    assert!(rig.builder.candidates.binary_search(&c).is_ok(), "{a} and {b} touch in step {step}");
+                }
+            }
+        }
+    }
+    assert!(after - before < 30, "{} lists in 300 steps", after - before);
+}
+
 #[test]
 fn metres_millimetres_and_micrometres_give_the_same_forces() {
     let forces = |scale: f64| {

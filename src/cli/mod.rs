@@ -8,6 +8,7 @@
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run; what was computed is kept |
 //! | 130 | stopped with Ctrl-C; what was computed is kept |
+mod bench;
 mod check;
 mod message;
 mod progress;
@@ -39,6 +40,8 @@ struct Cli {
 enum Command {
     /// Read and build a scene without running it: sizes, time step, expected duration.
     Check(check::CheckArgs),
+    /// Time the steps in the middle of a run, by set.
+    Bench(bench::BenchArgs),
 }
 
 /// The scene and changes to it.
@@ -77,6 +80,7 @@ pub fn main(plugins: impl Plugin + Send) -> ExitCode {
     let cli = Cli::parse();
     let done = match (cli.command, cli.scene) {
         (Some(Command::Check(args)), _) => check::check(&args, plugins),
+        (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };

@@ -58,7 +58,9 @@ fn table(o: &Outcome) -> String {
     }
     if let Some(depth) = q.max_penetration_to_radius.filter(|d| *d > DEEP) {
         let half = percent(Some(0.5 * depth));
-        row("warning", format!("filaments overlap by up to {half} of the diameter; a stiffer contact is advised above 2 %"));
+        row("warning", format!(
+                "contacts are pressed in by up to {half} of a diameter; above 2 %, give `contact` or the surface more `stiffness`, or a target `penetration`"
+            ));
     }
     if let Some(raised) = q.stiffness_raised {
         let half = percent(q.p99_penetration_to_radius.map(|d| 0.5 * d));

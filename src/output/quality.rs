@@ -1,16 +1,18 @@
 //! How far a state is from equilibrium.
 use super::lines::Lines;
 use crate::components::*;
+use crate::ledger::ContactSummary;
 use crate::model::Model;
 use crate::simulation::{NodeRows, Simulation};
 use crate::step::Clock;
 use crate::systems::constraint::Constraints;
 use glam::DVec3;
 
-/// Root mean square net force on what can move over that of the section forces; `None` where no
-/// section carries a force.
+/// Root mean square net force on what can move over that of the section forces, or over the largest
+/// contact force if that is larger; `None` where nothing carries a force.
 pub fn force_residual(lines: &Lines, sim: &mut Simulation) -> Option<f64> {
-    let scale = lines.results(&mut sim.world).typical_force;
+    let contact = sim.world.get_resource::<ContactSummary>().map_or(0.0, |c| c.max_force);
+    let scale = lines.results(&mut sim.world).typical_force.max(contact);
     let (mut sum, mut count) = (0.0, 0usize);
     let mut nodes = sim.world.query_filtered::<(&Force, &InverseMass), bevy_ecs::query::Without<DummyNode>>();
     for (f, w) in nodes.iter(&sim.world) {

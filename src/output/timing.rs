@@ -15,6 +15,7 @@ const SETS: usize = StepSet::ORDER.len();
 
 #[derive(Resource)]
 struct StepTimer {
+    every: u32,
     countdown: u32,
     last: Instant,
     nanoseconds: [u64; SETS],
@@ -24,7 +25,7 @@ struct StepTimer {
 fn mark<const K: usize>(mut timer: ResMut<StepTimer>) {
     let timer = timer.bypass_change_detection();
     if K == 0 {
-        timer.countdown = timer.countdown.checked_sub(1).unwrap_or(EVERY - 1);
+        timer.countdown = timer.countdown.checked_sub(1).unwrap_or(timer.every - 1);
         if timer.countdown == 0 {
             timer.last = Instant::now();
         }
@@ -37,7 +38,7 @@ fn mark<const K: usize>(mut timer: ResMut<StepTimer>) {
 
 /// Adds the markers to the schedule of the time step; call it before the model is built.
 pub fn install(sim: &mut Simulation) {
-    sim.world.insert_resource(StepTimer { countdown: 2, last: Instant::now(), nanoseconds: [0; SETS] });
+    sim.world.insert_resource(StepTimer { every: EVERY, countdown: 2, last: Instant::now(), nanoseconds: [0; SETS] });
     let [a, b, c, d, e, f, g, h, i, j] = StepSet::ORDER;
     sim.schedule.add_systems(
         (
@@ -55,6 +56,13 @@ pub fn install(sim: &mut Simulation) {
         )
             .chain(),
     );
+}
+
+/// Forgets what was measured so far, and measures every step from now on.
+pub fn reset(world: &mut World) {
+    if let Some(mut timer) = world.get_resource_mut::<StepTimer>() {
+        *timer = StepTimer { every: 1, countdown: 1, last: Instant::now(), nanoseconds: [0; SETS] };
+    }
 }
 
 /// Fraction of the measured wall time per set; empty without [`install`] or before the first

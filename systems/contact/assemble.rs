@@ -6,14 +6,11 @@
 //! dummy nodes that carry the period.
 use super::curve::{Range, weights};
 use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
-use super::lane::Lane;
 use super::law::{APART, kept_stiffness};
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
-use bevy_ecs::prelude::*;
-use glam::DVec3;
+use braid_ecs::prelude::*;
 use rayon::prelude::*;
-use wide::f64x4;
 
 /// Records per parallel chunk.
 const CHUNK: usize = 512;

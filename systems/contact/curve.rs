@@ -5,7 +5,7 @@
 //! segments this is the Catmull-Rom spline (Catmull and Rom 1974). Beyond a free end it goes on
 //! straight; towards another segment the cubic goes on a little, for the moment until a contact
 //! point is handed over.
-use super::lane::{Lane, V3};
+use braid_ecs::prelude::{Lane, V3};
 
 /// Values of the four Hermite functions: weights of first node, second node, first tangent and
 /// second tangent (the tangents still to be multiplied by the segment length).

@@ -8,7 +8,6 @@
 //! see it.
 use super::curve::{Range, Segment, Weights, weights};
 use super::images::Image;
-use super::lane::{Lane, V3};
 use super::law::{Law, Memory, Response, Touch, Zero, respond};
 use super::lines::{Centrelines, Lines};
 use super::records::*;

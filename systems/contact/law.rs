@@ -6,7 +6,6 @@
 //! - Normal damping c = 2 xi sqrt(k m), faded in over the toe; the sum never pulls.
 //! - Friction after Cundall and Strack (1979): the elastic slip follows the relative motion in the
 //!   tangent plane and is cut back (return mapping) so that k_t |slip| <= mu F_n.
-use super::lane::{Lane, V3};
 use braid_ecs::prelude::*;
 
 /// Numbers of the law that all records share.

@@ -1,7 +1,6 @@
 //! From pairs of close segments to records, and from old records to new ones.
 use super::curve::{Range, Segment};
 use super::kernel::{Penalty, closest_step};
-use super::lane::V3;
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
 use super::search::{Candidate, closest_parameters};

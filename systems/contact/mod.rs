@@ -14,7 +14,6 @@ pub mod assemble;
 pub mod curve;
 pub mod images;
 pub mod kernel;
-pub mod lane;
 pub mod law;
 pub mod lines;
 pub mod list;

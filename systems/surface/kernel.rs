@@ -8,7 +8,6 @@
 use super::records::*;
 use super::section::Edge;
 use super::shape::Shape;
-use crate::systems::contact::lane::V3;
 use crate::systems::contact::law::{Law, Memory, Response, Touch, Zero, respond};
 use crate::systems::contact::lines::{Centrelines, Lines, xyz};
 use crate::systems::contact::{curve, list};

@@ -63,16 +63,33 @@ impl Capsule {
     }
 }
 
-/// The common part of half spaces n.x <= d.
+/// The common part of half spaces n.x <= d, and of an endless round bar (point, axis, radius) if there is one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Convex {
     pub planes: Vec<(DVec3, f64)>,
+    pub bar: Option<(DVec3, DVec3, f64)>,
 }
 
 impl Convex {
     /// Distance to the entry point and the normal there, from outside.
     pub fn cast(&self, origin: DVec3, direction: DVec3) -> Option<(f64, DVec3)> {
         let (mut enter, mut leave, mut normal) = (0.0f64, f64::INFINITY, None);
+        if let Some((centre, axis, radius)) = self.bar {
+            // Seen along the axis a ray is a line and the bar a circle.
+            let across = |v: DVec3| v - axis * axis.dot(v);
+            let (o, d) = (across(origin - centre), across(direction));
+            let (a, b, c) = (d.dot(d), o.dot(d), o.dot(o) - radius * radius);
+            let root = b * b - a * c;
+            if a > 0.0 && root > 0.0 {
+                let t = (-b - root.sqrt()) / a;
+                leave = (-b + root.sqrt()) / a;
+                if t > 0.0 {
+                    (enter, normal) = (t, Some((o + d * t) / radius));
+                }
+            } else if c > 0.0 {
+                return None;
+            }
+        }
         for &(n, d) in &self.planes {
             let (gap, speed) = (n.dot(origin) - d, n.dot(direction));
             if speed < 0.0 {

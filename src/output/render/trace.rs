@@ -129,17 +129,20 @@ fn solid(surface: &Surface, input: &PictureInput, world: &Bounds, frame: &Frame,
                 bounds.add(frame.project(foot + low * a), 0.0);
                 bounds.add(frame.project(foot + high * a), 0.0);
             }
-            Convex { planes }
+            Convex { planes, bar: None }
         }
         Surface::Cylinder { centre, axis, radius } => {
             let a = axis.normalize_or(DVec3::Z);
-            let u = a.any_orthonormal_vector();
-            let v = a.cross(u);
-            let corners = (0..180).map(|i| {
-                let (s, c) = (std::f64::consts::TAU * f64::from(i) / 180.0).sin_cos();
-                *centre + *radius * (c * u + s * v)
-            });
-            solid(&Surface::Prism { axis: a, corners: corners.collect() }, input, world, frame, bounds)
+            let (low, high) = cut(a, 0.08);
+            // Its ends are two circles.
+            for end in [low, high] {
+                let at = frame.project(*centre + (end - centre.dot(a)) * a);
+                let half = |d: DVec3| radius * (1.0 - d.dot(a) * d.dot(a)).max(0.0).sqrt();
+                let half = DVec3::new(half(frame.right), half(frame.up), half(frame.eye));
+                bounds.add(at - half, 0.0);
+                bounds.add(at + half, 0.0);
+            }
+            Convex { planes: vec![(a, high), (-a, -low)], bar: Some((*centre, a, *radius)) }
         }
         Surface::Plane { point, normal } => {
             let n = normal.normalize_or(DVec3::Z);
@@ -153,7 +156,7 @@ fn solid(surface: &Surface, input: &PictureInput, world: &Bounds, frame: &Frame,
                 let pick = |k: usize| if i >> k & 1 == 0 { sides[k].1.0 } else { sides[k].1.1 };
                 bounds.add(frame.project(n * n.dot(*point) + sides[0].0 * pick(0) + sides[1].0 * pick(1)), 0.0);
             }
-            Convex { planes }
+            Convex { planes, bar: None }
         }
     }
 }

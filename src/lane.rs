@@ -1,4 +1,4 @@
-//! Numbers that a contact kernel works on: one record at a time (`f64`) or four (`wide::f64x4`).
+//! Numbers that a kernel works on: one record at a time (`f64`) or four (`wide::f64x4`).
 //!
 //! Only operations that IEEE 754 rounds correctly are offered, and no fused multiply-add, so every
 //! lane gives the bits of the scalar kernel.

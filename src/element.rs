@@ -5,8 +5,8 @@ use crate::registry::{Build, SpecError};
 use bevy_ecs::component::Mutable;
 use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// What a kernel sees of a node. Kinds without rotations get the identity and zero spin.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +81,7 @@ pub struct NodeMass {
 }
 
 /// Bound on the tangent stiffness that an element adds to one node: K <= diag(translation, rotation).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StiffnessBound {
     /// Per displacement (force / length).
     pub translation: f64,

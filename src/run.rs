@@ -160,6 +160,14 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
     }
 }
 
+/// When the run will probably end (time): end time, steps, or the earliest steady state.
+pub fn expected_duration(model: &Model, dt: f64) -> Option<f64> {
+    let stop = &model.stop;
+    let steady = stop.steady.as_ref().map(|s| s.earliest.max(f64::from(s.repeats + 1) * s.interval));
+    let steps = stop.steps.map(|n| n as f64 * dt);
+    [stop.time, steady, steps].into_iter().flatten().filter(|d| d.is_finite() && *d > 0.0).reduce(f64::min)
+}
+
 fn check(sim: &Simulation) -> Result<(), SimulationError> {
     match &sim.world.resource::<Failure>().0 {
         None => Ok(()),

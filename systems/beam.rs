@@ -280,7 +280,8 @@ impl<L: Lane> Stiffness<L> {
     #[inline(always)]
     fn of(beams: &[Beam]) -> Self {
         let [xx, yy, zz, yz] = L::rows(|l| std::array::from_fn(|i| beams[l].stiffness[0][i]));
-        let [zx, xy, cxx, cyy] = L::rows(|l| [beams[l].stiffness[0][4], beams[l].stiffness[0][5], beams[l].stiffness[1][0], beams[l].stiffness[1][1]]);
+        let [zx, xy, cxx, cyy] =
+            L::rows(|l| [beams[l].stiffness[0][4], beams[l].stiffness[0][5], beams[l].stiffness[1][0], beams[l].stiffness[1][1]]);
         let [czz, cyz, czx, cxy] = L::rows(|l| std::array::from_fn(|i| beams[l].stiffness[1][2 + i]));
         let [px, py, pz, ea] = L::rows(|l| [beams[l].phi0.x, beams[l].phi0.y, beams[l].phi0.z, beams[l].ea]);
         let [cx, cy, cz, rest_length] = L::rows(|l| [beams[l].c0.x, beams[l].c0.y, beams[l].c0.z, beams[l].rest_length]);
@@ -320,14 +321,14 @@ impl<L: Lane> Kinematics<L> {
     #[inline(always)]
     fn of(state: impl Fn(usize, usize) -> NodeState) -> Self {
         let (one, two) = (L::splat(1.0), L::splat(2.0));
-        let [x, q] = [0, 1].map(|what| {
-            [0, 1].map(|end| {
-                L::rows(|lane| {
-                    let s = state(lane, end);
-                    if what == 0 { [s.x.x, s.x.y, s.x.z, 0.0] } else { s.q.to_array() }
-                })
+        let place = |end: usize| {
+            L::rows(|lane| {
+                let x = state(lane, end).x;
+                [x.x, x.y, x.z, 0.0]
             })
-        });
+        };
+        let turn = |end: usize| L::rows(|lane| state(lane, end).q.to_array());
+        let (x, q) = ([place(0), place(1)], [turn(0), turn(1)]);
         let d = V3::new(x[1][0] - x[0][0], x[1][1] - x[0][1], x[1][2] - x[0][2]);
         let l = d.dot(d).sqrt();
         let e = d * (one / l);
@@ -390,16 +391,8 @@ fn at_once<L: Lane>(beams: &[Beam], state: impl Fn(usize, usize) -> NodeState, o
 #[inline(always)]
 fn half_angle_over_sine<L: Lane>(s2: L, w: L) -> L {
     // asin(s)/s; the first term left out is below 1e-17 up to s^2 = 0.01.
-    const SERIES: [f64; 8] = [
-        135135.0 / 9676800.0,
-        10395.0 / 599040.0,
-        945.0 / 42240.0,
-        105.0 / 3456.0,
-        15.0 / 336.0,
-        3.0 / 40.0,
-        1.0 / 6.0,
-        1.0,
-    ];
+    const SERIES: [f64; 8] =
+        [135135.0 / 9676800.0, 10395.0 / 599040.0, 945.0 / 42240.0, 105.0 / 3456.0, 15.0 / 336.0, 3.0 / 40.0, 1.0 / 6.0, 1.0];
     let small = s2.less(L::splat(0.01));
     let series = SERIES.iter().fold(L::splat(0.0), |sum, c| sum * s2 + L::splat(*c));
     if !L::any(L::splat(0.01 - f64::EPSILON).less(s2)) {

@@ -102,6 +102,10 @@ fn look_ahead(clock: Res<Clock>, amplitudes: Res<Amplitudes>, mut list: Query<(&
         let amplitude = &amplitudes.0[p.amplitude];
         at.velocity = at.next;
         at.next = p.value * (amplitude.at(clock.time + clock.dt_next) - amplitude.at(clock.time)) / clock.dt_next;
+        if clock.dt == 0.0 {
+            // What is prescribed to move from the start on moves already: its kinetic energy is there, not put in.
+            at.velocity = at.next;
+        }
     }
 }
 

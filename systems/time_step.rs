@@ -27,9 +27,15 @@ fn install(cx: &mut Install<'_>) {
     let viscosity = (1.0 + i.bulk_viscosity * i.bulk_viscosity).sqrt() - i.bulk_viscosity;
     cx.world.insert_resource(StepRule { safety: i.safety * viscosity, fixed: i.dt.is_some(), every: u64::from(i.monitor_every.max(1)) });
     cx.world.init_resource::<StiffnessChanged>();
+    cx.world.init_resource::<ElementBounds>();
     cx.remember_resource::<StiffnessChanged>();
+    cx.remember_resource::<ElementBounds>();
     cx.add_system(StepSet::Monitor, follow_limit);
 }
+
+/// Bounds of the elements at the last look: a new list of contacts does not change them.
+#[derive(Resource, Default, Serialize, Deserialize)]
+struct ElementBounds(Vec<(String, Vec<StiffnessBound>)>);
 
 fn follow_limit(world: &mut World) {
     let rule = *world.resource::<StepRule>();
@@ -38,7 +44,9 @@ fn follow_limit(world: &mut World) {
     if step == 0 || !(changed || step.is_multiple_of(rule.every)) || world.resource::<Failure>().0.is_some() {
         return;
     }
-    let (limit, by) = stable_limit(world);
+    let known = if step.is_multiple_of(rule.every) { Vec::new() } else { std::mem::take(&mut world.resource_mut::<ElementBounds>().0) };
+    let (limit, by, elements) = limit_from(world, known);
+    world.resource_mut::<ElementBounds>().0 = elements;
     let mut clock = world.resource_mut::<Clock>();
     clock.dt_limit = limit;
     clock.limited_by = by;
@@ -50,11 +58,19 @@ fn follow_limit(world: &mut World) {
 
 /// The stable limit now (time) and the name of what sets it.
 pub fn stable_limit(world: &mut World) -> (f64, String) {
+    let (limit, by, _) = limit_from(world, Vec::new());
+    (limit, by)
+}
+
+/// The stable limit with the bounds of the elements, taken now if none are given.
+fn limit_from(world: &mut World, elements: Vec<(String, Vec<StiffnessBound>)>) -> (f64, String, Vec<(String, Vec<StiffnessBound>)>) {
     let mut masses = world.query::<(&Mass, Option<&RotaryInertia>)>();
     let masses: Vec<(f64, f64)> = masses.iter(world).map(|(m, j)| (m.0, j.map_or(0.0, |j| j.0))).collect();
     let zero = vec![StiffnessBound::default(); masses.len()];
-    let mut parts: Vec<(String, Vec<StiffnessBound>)> = Vec::new();
-    if let Some(kinds) = world.remove_resource::<KindReports>() {
+    let mut parts = elements;
+    if parts.is_empty()
+        && let Some(kinds) = world.remove_resource::<KindReports>()
+    {
         for k in &kinds.0 {
             let mut part = zero.clone();
             (k.stiffness)(world, &mut part);
@@ -62,6 +78,7 @@ pub fn stable_limit(world: &mut World) -> (f64, String) {
         }
         world.insert_resource(kinds);
     }
+    let kinds = parts.len();
     if let Some(sources) = world.remove_resource::<StiffnessSources>() {
         for (name, source) in &sources.0 {
             let mut part = zero.clone();
@@ -87,14 +104,17 @@ pub fn stable_limit(world: &mut World) -> (f64, String) {
     let longest = world.get_resource::<AxialChains>().map_or(f64::INFINITY, |c| c.longest_step);
     let (omega2, row, rotates) = worst;
     if omega2 * longest * longest < 4.0 {
-        return (longest, "the implicit axial scheme".into());
+        parts.truncate(kinds);
+        return (longest, "the implicit axial scheme".into(), parts);
     }
     if omega2 == 0.0 {
-        return (f64::INFINITY, "nothing".into());
+        parts.truncate(kinds);
+        return (f64::INFINITY, "nothing".into(), parts);
     }
     let share = |p: &StiffnessBound| if rotates { p.rotation } else { p.translation };
-    let name = parts.iter().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str());
+    let name = parts.iter().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str()).to_owned();
     let id = world.resource::<NodeRows>().id(row);
     let how = if rotates { " (rotation)" } else { "" };
-    (2.0 / omega2.sqrt(), format!("{name}{how} at node {}", id.0))
+    parts.truncate(kinds);
+    (2.0 / omega2.sqrt(), format!("{name}{how} at node {}", id.0), parts)
 }

@@ -191,3 +191,20 @@ fn a_prescribed_motion_does_the_work_that_the_bar_stores() {
         assert!((position(&mut sim, nodes[5]).x - 5.5).abs() < 1e-12);
     }
 }
+
+/// What moves from the start on has its kinetic energy already: nobody has put it in.
+#[test]
+fn a_motion_that_starts_with_a_speed_makes_no_energy() {
+    let mut m = Model::new("towed mass");
+    let section = Section { ea: 1e-3, ei: [0.0; 2], gj: 0.0, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+    let nodes = build_chain(&mut m, "truss", (0..=2).map(|i| DVec3::X * f64::from(i)), section, NaturalShape::AsBuilt);
+    let steady = m.add_amplitude(Amplitude::Table(vec![(0.0, 0.0), (10.0, 10.0)]));
+    for node in &nodes {
+        m.prescribed.push(PrescribedMotion { node: *node, dof: Dof::Ux, value: 0.5, amplitude: steady });
+    }
+    m.stop.time = Some(5.0);
+    m.integration.dt = Some(0.05);
+    let (sim, _) = simulate(&m);
+    let ledger = sim.world.resource::<EnergyLedger>();
+    assert!((ledger.kinetic - 0.25).abs() < 1e-9 && ledger.imbalance().abs() < 1e-9, "{ledger:?}");
+}

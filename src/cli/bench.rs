@@ -64,7 +64,10 @@ pub(super) fn bench(args: &BenchArgs, plugins: impl Plugin + Send) -> Result<(),
         return Ok(());
     }
     let r = &report;
-    out(&format!("{}: {} elements, {} contacts, {} threads, {} steps from step {}", r.scene, r.elements, r.contacts, r.threads, r.steps, r.warm_steps));
+    out(&format!(
+        "{}: {} elements, {} contacts, {} threads, {} steps from step {}",
+        r.scene, r.elements, r.contacts, r.threads, r.steps, r.warm_steps
+    ));
     out("  set              ns per element-step");
     for set in StepSet::ORDER {
         let name = format!("{set:?}");

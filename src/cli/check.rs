@@ -2,8 +2,8 @@
 use super::SceneArgs;
 use super::message::{Failure, out};
 use super::progress::duration_text;
-use super::run::{expected_duration, notes};
-use crate::run;
+use super::run::notes;
+use crate::run::{self, expected_duration};
 use crate::scene;
 use crate::simulation::{Failure as Broken, NodeRows, Plugin, Simulation, SimulationError};
 use crate::step::Clock;

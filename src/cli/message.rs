@@ -16,6 +16,8 @@ pub enum Failure {
     Simulation(SimulationError),
     /// A result cannot be written.
     Output(OutputError),
+    /// So many known answers were missed.
+    Short(usize),
     /// The user has stopped the run; its results are kept.
     Interrupted,
 }
@@ -37,6 +39,7 @@ impl Failure {
             Failure::Simulation(SimulationError::Numerical { .. }) => 5,
             Failure::Simulation(_) => 3,
             Failure::Output(_) => 4,
+            Failure::Short(_) => 6,
             Failure::Interrupted => 130,
         }
     }
@@ -50,6 +53,7 @@ impl Failure {
                 format!("error: {e}\n  help: choose another folder with --out DIR, or add --force to move the old results aside")
             }
             Failure::Output(e) => format!("error: {e}"),
+            Failure::Short(n) => format!("{n} quantities are not as expected"),
             Failure::Interrupted => "stopped before its end; the results so far are kept".into(),
         }
     }

@@ -7,13 +7,16 @@
 //! | 3 | the scene is invalid |
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run; what was computed is kept |
+//! | 6 | a scene with known answers misses one |
 //! | 130 | stopped with Ctrl-C; what was computed is kept |
 mod bench;
 mod check;
 mod message;
+mod processor;
 mod progress;
 mod report;
 mod run;
+mod verify;
 
 pub use message::Failure;
 
@@ -25,7 +28,9 @@ use std::process::ExitCode;
 /// Simulates dry-fibre braids and filament bundles.
 #[derive(Parser, Debug)]
 #[command(name = "braid-ecs", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 130 stopped with Ctrl-C.")]
+#[command(
+    after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 6 a known answer was missed, 130 stopped with Ctrl-C."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -42,6 +47,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Time the steps in the middle of a run, by set.
     Bench(bench::BenchArgs),
+    /// Run scenes with known answers and print how near the program comes to them.
+    Verify(verify::VerifyArgs),
 }
 
 /// The scene and changes to it.
@@ -75,12 +82,20 @@ impl SceneArgs {
 
 /// The program: reads the arguments, does what they say, returns the exit code. A binary with
 /// plugins of its own calls it with `(systems::default_plugins, my::plugin)`.
-pub fn main(plugins: impl Plugin + Send) -> ExitCode {
+pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
+    if let Some(features) = processor::lacking() {
+        message::line(&format!(
+            "error: this program was built for processors with {features} (x86-64-v3), and this one lacks them\n  \
+             help: build it for all processors: RUSTFLAGS=\"\" cargo build --release"
+        ));
+        return ExitCode::from(2);
+    }
     // clap prints its own messages and leaves with 0 (help, version) or 2.
     let cli = Cli::parse();
     let done = match (cli.command, cli.scene) {
         (Some(Command::Check(args)), _) => check::check(&args, plugins),
         (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
+        (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };

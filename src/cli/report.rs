@@ -58,9 +58,12 @@ fn table(o: &Outcome) -> String {
     }
     if let Some(depth) = q.max_penetration_to_radius.filter(|d| *d > DEEP) {
         let half = percent(Some(0.5 * depth));
-        row("warning", format!(
+        row(
+            "warning",
+            format!(
                 "contacts are pressed in by up to {half} of a diameter; above 2 %, give `contact` or the surface more `stiffness`, or a target `penetration`"
-            ));
+            ),
+        );
     }
     if let Some(raised) = q.stiffness_raised {
         let half = percent(q.p99_penetration_to_radius.map(|d| 0.5 * d));

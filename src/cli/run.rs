@@ -4,7 +4,7 @@ use super::progress::{Progress, Watcher, catch_interrupts, interrupted};
 use super::{SceneArgs, report};
 use crate::model::Model;
 use crate::output::{Outcome, Recorder, file, timing};
-use crate::run::{self, Status};
+use crate::run::{self, Status, expected_duration};
 use crate::scene::load;
 use crate::simulation::{Notes, Plugin, Simulation, SimulationError};
 use crate::step::Clock;
@@ -102,12 +102,4 @@ pub(super) fn notes(sim: &Simulation) {
     for note in sim.world.get_resource::<Notes>().map_or(&[][..], |n| &n.0) {
         message::line(&format!("note: {note}"));
     }
-}
-
-/// When the run will probably end (time): end time, steps, or the earliest steady state.
-pub(super) fn expected_duration(model: &Model, dt: f64) -> Option<f64> {
-    let stop = &model.stop;
-    let steady = stop.steady.as_ref().map(|s| s.earliest.max(f64::from(s.repeats + 1) * s.interval));
-    let steps = stop.steps.map(|n| n as f64 * dt);
-    [stop.time, steady, steps].into_iter().flatten().filter(|d| d.is_finite() && *d > 0.0).reduce(f64::min)
 }

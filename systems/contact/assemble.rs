@@ -151,22 +151,51 @@ pub fn evaluate_points(
 ) -> Totals {
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
-        for ((record, state), force) in records.iter().zip(states).zip(forces) {
-            let c = of_point(penalty, lines, now, record, state);
-            let r = &c.response;
-            if penalty.keep < 1.0 {
-                sum.relaxed += r.normal_force * state.offset * (1.0 - penalty.keep);
-            }
-            let overlap = c.penetration + c.offset;
-            let stiffness = kept_stiffness(c.stiffness, overlap);
-            *state = PointState { t: c.t, slip: r.memory.slip.lane(0), damper: r.memory.damper, offset: c.offset, stiffness, overlap };
-            *force = PointForce { force: r.force.lane(0), t: c.t };
-            sum.friction += r.friction;
-            sum.damping += r.damping;
-            sum.strayed |= c.t.iter().any(|t| strayed(*t));
+        let whole = records.len() / f64x4::WIDTH * f64x4::WIDTH;
+        for k in (0..whole).step_by(f64x4::WIDTH) {
+            let group = k..k + f64x4::WIDTH;
+            points_at_once::<f64x4>(penalty, lines, now, &records[group.clone()], &mut states[group.clone()], &mut forces[group], &mut sum);
+        }
+        for k in whole..records.len() {
+            points_at_once::<f64>(penalty, lines, now, &records[k..=k], &mut states[k..=k], &mut forces[k..=k], &mut sum);
         }
         sum
     })
+}
+
+/// Forces of `L::WIDTH` point records.
+#[inline(always)]
+fn points_at_once<L: Lane>(
+    penalty: &Penalty,
+    lines: &Lines,
+    now: &Centrelines,
+    records: &[PointRecord],
+    states: &mut [PointState],
+    forces: &mut [PointForce],
+    sum: &mut Totals,
+) {
+    let c = point_contact::<L>(penalty, lines, now, records, states);
+    let r = &c.response;
+    let overlap = c.penetration + c.offset;
+    let kept = kept_stiffness(c.stiffness, overlap);
+    for lane in 0..L::WIDTH {
+        let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
+        if penalty.keep < 1.0 {
+            sum.relaxed += r.normal_force.lane(lane) * states[lane].offset * (1.0 - penalty.keep);
+        }
+        states[lane] = PointState {
+            t,
+            slip: r.memory.slip.lane(lane),
+            damper: r.memory.damper.lane(lane),
+            offset: c.offset.lane(lane),
+            stiffness: kept.lane(lane),
+            overlap: overlap.lane(lane),
+        };
+        forces[lane] = PointForce { force: r.force.lane(lane), t };
+        sum.friction += r.friction.lane(lane);
+        sum.damping += r.damping.lane(lane);
+        sum.strayed |= t.iter().any(|t| strayed(*t));
+    }
 }
 
 /// Which records act on which segment, and the sums on the way to the nodes.

@@ -8,6 +8,8 @@ use braid_ecs::prelude::*;
 
 /// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
 const LOOK_FROM: f64 = 0.5;
+/// Change of a parameter below which a closest point is found; the next step of the run goes on from there.
+const FOUND: f64 = 1e-6;
 /// Candidates per parallel chunk.
 const CHUNK: usize = 1024;
 
@@ -135,7 +137,11 @@ impl Found {
         };
         let (mut s, mut t) = (s, t);
         for _ in 0..12 {
+            let before = (s, t);
             (s, t) = closest_step(&curve_a, &curve_b, apart, s, t, limits(a), limits(b));
+            if (s - before.0).abs() + (t - before.1).abs() < FOUND {
+                break;
+            }
         }
         if !(-0.25..=1.25).contains(&s) || !(-0.25..=1.25).contains(&t) {
             return;
@@ -355,7 +361,11 @@ fn refine_line(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, start: f64) -
         let d = y - p.x;
         let metric = p.d.dot(p.d);
         let slope = (metric - d.dot(p.dd)).max(0.25 * metric);
-        t = (t + (d.dot(p.d) / slope).clamp(-0.5, 0.5)).clamp(-2.0, 3.0);
+        let step = (d.dot(p.d) / slope).clamp(-0.5, 0.5);
+        t = (t + step).clamp(-2.0, 3.0);
+        if step.abs() < FOUND {
+            break;
+        }
     }
     t
 }

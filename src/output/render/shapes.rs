@@ -164,9 +164,24 @@ mod tests {
     #[test]
     fn a_cube_is_entered_through_its_face() {
         let planes = [DVec3::X, DVec3::Y, DVec3::Z].iter().flat_map(|n| [(*n, 1.0), (-*n, 1.0)]).collect();
-        let cube = Convex { planes };
+        let cube = Convex { planes, bar: None };
         assert_eq!(cube.cast(DVec3::new(0.5, 0.2, 5.0), -DVec3::Z), Some((4.0, DVec3::Z)));
         assert_eq!(cube.cast(DVec3::new(1.5, 0.2, 5.0), -DVec3::Z), None);
         assert_eq!(cube.cast(DVec3::new(0.0, 0.0, 5.0), DVec3::Z), None);
+    }
+
+    #[test]
+    fn rays_meet_a_round_bar_on_its_side_and_on_its_ends() {
+        let bar = Convex { planes: vec![(DVec3::Z, 2.0), (-DVec3::Z, 2.0)], bar: Some((DVec3::ZERO, DVec3::Z, 1.0)) };
+        let (t, n) = bar.cast(DVec3::new(5.0, 0.5, 0.0), -DVec3::X).expect("its side");
+        let place = DVec3::new(0.75f64.sqrt(), 0.5, 0.0);
+        assert!((t - (5.0 - place.x)).abs() < 1e-12 && n.distance(place) < 1e-12, "{t} {n}");
+        let (t, n) = bar.cast(DVec3::new(0.3, 0.0, 5.0), -DVec3::Z).expect("its end");
+        assert!((t - 3.0).abs() < 1e-12 && n == DVec3::Z);
+        for (from, to) in
+            [(DVec3::new(5.0, 1.5, 0.0), -DVec3::X), (DVec3::new(1.5, 0.0, 5.0), -DVec3::Z), (DVec3::new(5.0, 0.0, 2.5), -DVec3::X)]
+        {
+            assert!(bar.cast(from, to).is_none(), "{from}");
+        }
     }
 }

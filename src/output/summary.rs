@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(keys(&json["energy"]), "balance_error contact damping external_work friction kinetic strain");
         assert_eq!(
             keys(&json["quality"]),
-            "dummy_balance force_residual kinetic_to_work max_penetration_to_radius p99_penetration_to_radius"
+            "dummy_balance force_residual kinetic_to_work max_penetration_to_radius p99_penetration_to_radius stiffness_raised"
         );
         assert_eq!(keys(&json["lists"]), "rebuilds records steps_per_list");
         assert_eq!(keys(&json["measures"]["length"]), "ci95 mean n unit");

@@ -124,6 +124,12 @@ impl Lane for f64x4 {
     }
 }
 
+/// Splits `count` rows into groups of four for the vector kernel, and what is left over into single ones.
+pub fn groups(count: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let whole = count / f64x4::WIDTH * f64x4::WIDTH;
+    (0..whole).step_by(f64x4::WIDTH).map(|k| k..k + f64x4::WIDTH).chain((whole..count).map(|k| k..k + 1))
+}
+
 /// A vector in space.
 #[derive(Clone, Copy, Debug)]
 pub struct V3<L> {

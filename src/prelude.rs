@@ -4,7 +4,7 @@ pub use crate::assembly::{KindReport, KindReports, StiffnessChanged, StiffnessSo
 pub use crate::columns::columns;
 pub use crate::components::*;
 pub use crate::element::*;
-pub use crate::lane::{Lane, V3};
+pub use crate::lane::{self, Lane, V3};
 pub use crate::ledger::{ContactSummary, EnergyLedger};
 pub use crate::model::*;
 pub use crate::parallel;

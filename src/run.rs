@@ -27,13 +27,6 @@ pub trait Observer {
     /// # Errors
     /// Ends the run.
     fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError>;
-    /// Called after every step that the run goes on from.
-    ///
-    /// # Errors
-    /// Ends the run.
-    fn between_steps(&mut self, _sim: &mut Simulation) -> Result<(), SimulationError> {
-        Ok(())
-    }
     /// True to stop the run after this step.
     fn stop_requested(&self) -> bool {
         false
@@ -73,8 +66,7 @@ pub fn start(sim: &mut Simulation, model: &Model) -> Result<(), SimulationError>
         clock.dt_target = dt;
         clock.dt_next = 0.0;
     }
-    sim.step();
-    check(sim)
+    step(sim)
 }
 
 /// Runs to the end of the model's stop criteria. `sample_interval` is the time between two looks of the observer.
@@ -125,8 +117,7 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
         if sampling || deciding {
             sim.world.resource_mut::<LookNow>().0 = true;
         }
-        sim.step();
-        check(sim)?;
+        step(sim)?;
         let (time, step) = {
             let c = sim.world.resource::<Clock>();
             (c.time, c.step)
@@ -156,7 +147,6 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
             }
             return Ok(status);
         }
-        observer.between_steps(sim)?;
     }
 }
 
@@ -168,7 +158,12 @@ pub fn expected_duration(model: &Model, dt: f64) -> Option<f64> {
     [stop.time, steady, steps].into_iter().flatten().filter(|d| d.is_finite() && *d > 0.0).reduce(f64::min)
 }
 
-fn check(sim: &Simulation) -> Result<(), SimulationError> {
+/// One time step.
+///
+/// # Errors
+/// What a system has found broken, with time and step.
+pub fn step(sim: &mut Simulation) -> Result<(), SimulationError> {
+    sim.step();
     match &sim.world.resource::<Failure>().0 {
         None => Ok(()),
         Some(message) => {

@@ -59,7 +59,7 @@ pub fn verify(loaded: &LoadedScene, mut sim: Simulation) -> Result<Verified, Sim
     let dt = sim.world.resource::<Clock>().dt_target;
     let duration = expected_duration(model, dt);
     let sampler = Sampler::new(loaded.scene.output.history, duration);
-    let interval = sampler.interval().or(sampler.steps().map(|n| 0.5 * n as f64 * dt)).unwrap_or(f64::INFINITY);
+    let interval = sampler.interval(dt);
     let mut watch = Watch { probes: Probes::new(probes(loaded), units), sampler, started: false };
     run::continue_run(&mut sim, model, interval, &mut watch)?;
     watch.probes.sample(&mut sim);

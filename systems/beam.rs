@@ -157,14 +157,14 @@ impl Element<2> for Beam {
         state: impl Fn(u32) -> NodeState + Copy,
         out: &mut [EndForces<Self, 2>],
     ) {
-        let mut first = 0;
-        while first + f64x4::WIDTH <= elements.len() {
-            let group = first..first + f64x4::WIDTH;
-            at_once::<f64x4>(&elements[group.clone()], |lane, end| state(rows[first + lane].0[end]), &mut out[group]);
-            first += f64x4::WIDTH;
-        }
-        for k in first..elements.len() {
-            at_once::<f64>(&elements[k..=k], |_, end| state(rows[k].0[end]), &mut out[k..=k]);
+        for group in lane::groups(elements.len()) {
+            let (beams, rows, wide) = (&elements[group.clone()], &rows[group.clone()], group.len() == f64x4::WIDTH);
+            let of = |lane: usize, end: usize| state(rows[lane].0[end]);
+            if wide {
+                at_once::<f64x4>(beams, of, &mut out[group]);
+            } else {
+                at_once::<f64>(beams, of, &mut out[group]);
+            }
         }
     }
 

@@ -33,9 +33,12 @@ fn install(cx: &mut Install<'_>) {
     cx.add_system(StepSet::Monitor, follow_limit);
 }
 
+/// Bounds by row of each kind of elements, contacts or surfaces, with its name.
+type Bounds = Vec<(String, Vec<StiffnessBound>)>;
+
 /// Bounds of the elements at the last look: a new list of contacts does not change them.
 #[derive(Resource, Default, Serialize, Deserialize)]
-struct ElementBounds(Vec<(String, Vec<StiffnessBound>)>);
+struct ElementBounds(Bounds);
 
 fn follow_limit(world: &mut World) {
     let rule = *world.resource::<StepRule>();
@@ -44,8 +47,9 @@ fn follow_limit(world: &mut World) {
     if step == 0 || !(changed || step.is_multiple_of(rule.every)) || world.resource::<Failure>().0.is_some() {
         return;
     }
-    let known = if step.is_multiple_of(rule.every) { Vec::new() } else { std::mem::take(&mut world.resource_mut::<ElementBounds>().0) };
-    let (limit, by, elements) = limit_from(world, known);
+    let known = std::mem::take(&mut world.resource_mut::<ElementBounds>().0);
+    let elements = if known.is_empty() || step.is_multiple_of(rule.every) { element_bounds(world) } else { known };
+    let (limit, by) = limit_with(world, &elements);
     world.resource_mut::<ElementBounds>().0 = elements;
     let mut clock = world.resource_mut::<Clock>();
     clock.dt_limit = limit;
@@ -58,39 +62,53 @@ fn follow_limit(world: &mut World) {
 
 /// The stable limit now (time) and the name of what sets it.
 pub fn stable_limit(world: &mut World) -> (f64, String) {
-    let (limit, by, _) = limit_from(world, Vec::new());
-    (limit, by)
+    let elements = element_bounds(world);
+    limit_with(world, &elements)
 }
 
-/// The stable limit with the bounds of the elements, taken now if none are given.
-fn limit_from(world: &mut World, elements: Vec<(String, Vec<StiffnessBound>)>) -> (f64, String, Vec<(String, Vec<StiffnessBound>)>) {
-    let mut masses = world.query::<(&Mass, Option<&RotaryInertia>)>();
-    let masses: Vec<(f64, f64)> = masses.iter(world).map(|(m, j)| (m.0, j.map_or(0.0, |j| j.0))).collect();
-    let zero = vec![StiffnessBound::default(); masses.len()];
-    let mut parts = elements;
-    if parts.is_empty()
-        && let Some(kinds) = world.remove_resource::<KindReports>()
-    {
+fn no_bound(world: &mut World) -> Vec<StiffnessBound> {
+    vec![StiffnessBound::default(); world.query::<&Mass>().iter(world).len()]
+}
+
+fn element_bounds(world: &mut World) -> Bounds {
+    let zero = no_bound(world);
+    let mut bounds = Bounds::new();
+    if let Some(kinds) = world.remove_resource::<KindReports>() {
         for k in &kinds.0 {
             let mut part = zero.clone();
             (k.stiffness)(world, &mut part);
-            parts.push((k.name.to_string(), part));
+            bounds.push((k.name.to_string(), part));
         }
         world.insert_resource(kinds);
     }
-    let kinds = parts.len();
+    bounds
+}
+
+/// Bounds of contacts and surfaces.
+fn contact_bounds(world: &mut World) -> Bounds {
+    let zero = no_bound(world);
+    let mut bounds = Bounds::new();
     if let Some(sources) = world.remove_resource::<StiffnessSources>() {
         for (name, source) in &sources.0 {
             let mut part = zero.clone();
             source(world, &mut part);
-            parts.push(((*name).to_string(), part));
+            bounds.push(((*name).to_string(), part));
         }
         world.insert_resource(sources);
     }
+    bounds
+}
+
+/// The stable limit with the given bounds of the elements.
+fn limit_with(world: &mut World, elements: &Bounds) -> (f64, String) {
+    let contacts = contact_bounds(world);
+    let parts = || elements.iter().chain(&contacts);
+    let mut masses = world.query::<(&Mass, Option<&RotaryInertia>)>();
+    let masses: Vec<(f64, f64)> = masses.iter(world).map(|(m, j)| (m.0, j.map_or(0.0, |j| j.0))).collect();
     let mut worst = (0.0f64, 0usize, false);
     for (row, (m, j)) in masses.iter().enumerate() {
         let (mut translation, mut rotation) = (0.0, 0.0);
-        for (_, p) in &parts {
+        for (_, p) in parts() {
             translation += p[row].translation;
             rotation += p[row].rotation;
         }
@@ -104,17 +122,14 @@ fn limit_from(world: &mut World, elements: Vec<(String, Vec<StiffnessBound>)>) -
     let longest = world.get_resource::<AxialChains>().map_or(f64::INFINITY, |c| c.longest_step);
     let (omega2, row, rotates) = worst;
     if omega2 * longest * longest < 4.0 {
-        parts.truncate(kinds);
-        return (longest, "the implicit axial scheme".into(), parts);
+        return (longest, "the implicit axial scheme".into());
     }
     if omega2 == 0.0 {
-        parts.truncate(kinds);
-        return (f64::INFINITY, "nothing".into(), parts);
+        return (f64::INFINITY, "nothing".into());
     }
     let share = |p: &StiffnessBound| if rotates { p.rotation } else { p.translation };
-    let name = parts.iter().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str()).to_owned();
+    let name = parts().max_by(|a, b| share(&a.1[row]).total_cmp(&share(&b.1[row]))).map_or("nothing", |p| p.0.as_str());
     let id = world.resource::<NodeRows>().id(row);
     let how = if rotates { " (rotation)" } else { "" };
-    parts.truncate(kinds);
-    (2.0 / omega2.sqrt(), format!("{name}{how} at node {}", id.0), parts)
+    (2.0 / omega2.sqrt(), format!("{name}{how} at node {}", id.0))
 }

@@ -9,8 +9,8 @@ use crate::ledger::ContactSummary;
 use crate::output::timing;
 use crate::run;
 use crate::scene;
-use crate::simulation::{Failure as Broken, Plugin, Simulation, SimulationError};
-use crate::step::{Clock, StepSet};
+use crate::simulation::{Plugin, Simulation, SimulationError};
+use crate::step::StepSet;
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -123,12 +123,5 @@ fn measure(args: &BenchArgs, plugins: impl Plugin) -> Result<Report, Failure> {
 }
 
 fn steps(sim: &mut Simulation, count: u64) -> Result<(), SimulationError> {
-    for _ in 0..count {
-        sim.step();
-        if let Some(message) = sim.world.resource::<Broken>().0.clone() {
-            let c = sim.world.resource::<Clock>();
-            return Err(SimulationError::Numerical { time: c.time, step: c.step, message });
-        }
-    }
-    Ok(())
+    (0..count).try_for_each(|_| run::step(sim))
 }

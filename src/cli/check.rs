@@ -5,7 +5,7 @@ use super::progress::duration_text;
 use super::run::notes;
 use crate::run::{self, expected_duration};
 use crate::scene;
-use crate::simulation::{Failure as Broken, NodeRows, Plugin, Simulation, SimulationError};
+use crate::simulation::{NodeRows, Plugin, Simulation};
 use crate::step::Clock;
 use clap::Args;
 use std::time::{Duration, Instant};
@@ -45,11 +45,7 @@ fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
     row("constraints", format!("{} periodic pairs, {} equations", model.periodic.len(), model.equations.len()));
     let begin = Instant::now();
     while begin.elapsed() < TRY_FOR && sim.world.resource::<Clock>().step < TRIED {
-        sim.step();
-        if let Some(message) = sim.world.resource::<Broken>().0.clone() {
-            let c = sim.world.resource::<Clock>();
-            return Err(SimulationError::Numerical { time: c.time, step: c.step, message }.into());
-        }
+        run::step(&mut sim)?;
     }
     let clock = sim.world.resource::<Clock>().clone();
     let per_step = begin.elapsed().as_secs_f64() / clock.step.max(1) as f64;

@@ -122,8 +122,7 @@ impl<'a> Recorder<'a> {
 
     /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.
     pub fn interval(&self, dt: f64) -> f64 {
-        let of = |s: &Sampler| s.interval().or(s.steps().map(|n| 0.5 * n as f64 * dt)).unwrap_or(f64::INFINITY);
-        of(&self.history_sampler).min(of(&self.frame_sampler))
+        self.history_sampler.interval(dt).min(self.frame_sampler.interval(dt))
     }
 
     /// The first error of a file, if there was one; the run stops on it.

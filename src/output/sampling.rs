@@ -45,14 +45,13 @@ impl Sampler {
         !matches!(self.rule, Rule::Never)
     }
 
-    /// Interval between samples (time), for the loop that calls back.
-    pub fn interval(&self) -> Option<f64> {
-        if let Rule::Every(interval) = self.rule { Some(interval) } else { None }
-    }
-
-    /// Steps between samples, for the loop that calls back.
-    pub fn steps(&self) -> Option<u64> {
-        if let Rule::Steps(n) = self.rule { Some(n) } else { None }
+    /// How often to ask (time), for the loop that calls back; `dt` is the expected time step.
+    pub fn interval(&self, dt: f64) -> f64 {
+        match self.rule {
+            Rule::Every(interval) => interval,
+            Rule::Steps(n) => 0.5 * n as f64 * dt,
+            Rule::Never | Rule::Ends => f64::INFINITY,
+        }
     }
 
     /// True if a sample is due at this time and step; the next one is then due an interval later.

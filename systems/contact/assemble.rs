@@ -6,7 +6,7 @@
 //! dummy nodes that carry the period.
 use super::curve::{Range, weights};
 use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
-use super::law::{APART, kept_stiffness};
+use super::law::{APART, Response, kept_stiffness};
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
 use braid_ecs::prelude::*;
@@ -31,6 +31,16 @@ pub struct Totals {
 }
 
 impl Totals {
+    /// Counts the works of one record that had the given offset.
+    #[inline(always)]
+    fn count<L: Lane>(&mut self, penalty: &Penalty, response: &Response<L>, offset: f64, lane: usize) {
+        if penalty.keep < 1.0 {
+            self.relaxed += response.normal_force.lane(lane) * offset * (1.0 - penalty.keep);
+        }
+        self.friction += response.friction.lane(lane);
+        self.damping += response.damping.lane(lane);
+    }
+
     /// Adds another part.
     pub fn add(&mut self, other: Totals) {
         self.friction += other.friction;
@@ -85,13 +95,14 @@ pub fn evaluate_lines(
 ) -> Totals {
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
-        let whole = records.len() / f64x4::WIDTH * f64x4::WIDTH;
-        for k in (0..whole).step_by(f64x4::WIDTH) {
-            let group = k..k + f64x4::WIDTH;
-            lines_at_once::<f64x4>(penalty, lines, now, &records[group.clone()], &mut states[group.clone()], &mut forces[group], &mut sum);
-        }
-        for k in whole..records.len() {
-            lines_at_once::<f64>(penalty, lines, now, &records[k..=k], &mut states[k..=k], &mut forces[k..=k], &mut sum);
+        for group in lane::groups(records.len()) {
+            let wide = group.len() == f64x4::WIDTH;
+            let (records, states, forces) = (&records[group.clone()], &mut states[group.clone()], &mut forces[group]);
+            if wide {
+                lines_at_once::<f64x4>(penalty, lines, now, records, states, forces, &mut sum);
+            } else {
+                lines_at_once::<f64>(penalty, lines, now, records, states, forces, &mut sum);
+            }
         }
         sum
     })
@@ -122,9 +133,7 @@ fn lines_at_once<L: Lane>(
     let (r, kept) = (&c.response, kept_stiffness(c.stiffness, c.penetration + c.offset));
     for lane in 0..L::WIDTH {
         let (t, f) = (c.t[1].lane(lane), r.force.lane(lane));
-        if penalty.keep < 1.0 {
-            sum.relaxed += r.normal_force.lane(lane) * states[lane].offset * (1.0 - penalty.keep);
-        }
+        sum.count(penalty, r, states[lane].offset, lane);
         states[lane] = LineState {
             t,
             slip: r.memory.slip.lane(lane),
@@ -133,8 +142,6 @@ fn lines_at_once<L: Lane>(
             stiffness: kept.lane(lane),
         };
         forces[lane] = LineForce([f.x, f.y, f.z, t]);
-        sum.friction += r.friction.lane(lane);
-        sum.damping += r.damping.lane(lane);
         sum.strayed |= strayed(t);
         sum.turned |= c.turned.lane(lane) > 0.0;
     }
@@ -151,13 +158,14 @@ pub fn evaluate_points(
 ) -> Totals {
     by_chunks(records, states, forces, |records, states, forces| {
         let mut sum = Totals::default();
-        let whole = records.len() / f64x4::WIDTH * f64x4::WIDTH;
-        for k in (0..whole).step_by(f64x4::WIDTH) {
-            let group = k..k + f64x4::WIDTH;
-            points_at_once::<f64x4>(penalty, lines, now, &records[group.clone()], &mut states[group.clone()], &mut forces[group], &mut sum);
-        }
-        for k in whole..records.len() {
-            points_at_once::<f64>(penalty, lines, now, &records[k..=k], &mut states[k..=k], &mut forces[k..=k], &mut sum);
+        for group in lane::groups(records.len()) {
+            let wide = group.len() == f64x4::WIDTH;
+            let (records, states, forces) = (&records[group.clone()], &mut states[group.clone()], &mut forces[group]);
+            if wide {
+                points_at_once::<f64x4>(penalty, lines, now, records, states, forces, &mut sum);
+            } else {
+                points_at_once::<f64>(penalty, lines, now, records, states, forces, &mut sum);
+            }
         }
         sum
     })
@@ -180,9 +188,7 @@ fn points_at_once<L: Lane>(
     let kept = kept_stiffness(c.stiffness, overlap);
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
-        if penalty.keep < 1.0 {
-            sum.relaxed += r.normal_force.lane(lane) * states[lane].offset * (1.0 - penalty.keep);
-        }
+        sum.count(penalty, r, states[lane].offset, lane);
         states[lane] = PointState {
             t,
             slip: r.memory.slip.lane(lane),
@@ -192,8 +198,6 @@ fn points_at_once<L: Lane>(
             overlap: overlap.lane(lane),
         };
         forces[lane] = PointForce { force: r.force.lane(lane), t };
-        sum.friction += r.friction.lane(lane);
-        sum.damping += r.damping.lane(lane);
         sum.strayed |= t.iter().any(|t| strayed(*t));
     }
 }

@@ -22,6 +22,8 @@ pub struct EndMap<E: Element<N>, const N: usize> {
     nodes: Vec<u32>,
     start: Vec<u32>,
     ends: Vec<u32>,
+    /// True if no element of the kind exerts a force any more.
+    rests: bool,
     kind: PhantomData<fn() -> E>,
 }
 
@@ -34,7 +36,8 @@ impl<E: Element<N>, const N: usize> EndMap<E, N> {
             }
         }
         pairs.sort_unstable();
-        let mut map = EndMap { nodes: Vec::new(), start: vec![], ends: pairs.iter().map(|p| p.1).collect(), kind: PhantomData };
+        let mut map =
+            EndMap { nodes: Vec::new(), start: vec![], ends: pairs.iter().map(|p| p.1).collect(), rests: false, kind: PhantomData };
         for (i, p) in pairs.iter().enumerate() {
             if map.nodes.last() != Some(&p.0) {
                 map.nodes.push(p.0);
@@ -124,9 +127,13 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
 const CHUNK: usize = 512;
 
 fn translational_forces<E: Element<N>, const N: usize>(
+    map: Res<EndMap<E, N>>,
     mut nodes: Query<(&Position, &Velocity)>,
     mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
 ) {
+    if map.rests {
+        return;
+    }
     let (x, v) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
     let state = |r: u32| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO };
@@ -136,9 +143,13 @@ fn translational_forces<E: Element<N>, const N: usize>(
 }
 
 fn rotational_forces<E: Element<N>, const N: usize>(
+    map: Res<EndMap<E, N>>,
     mut nodes: Query<(&Position, &Velocity, &Orientation, &AngularVelocity)>,
     mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
 ) {
+    if map.rests {
+        return;
+    }
     let (x, v, q, w) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
     let state = |r: u32| {
@@ -151,6 +162,9 @@ fn rotational_forces<E: Element<N>, const N: usize>(
 }
 
 fn gather_forces<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends: Query<&EndForces<E, N>>, mut nodes: Query<&mut Force>) {
+    if map.rests {
+        return;
+    }
     let ends = columns(&mut ends);
     let mut force = columns(&mut nodes);
     let force = force.bypass_change_detection();
@@ -164,6 +178,9 @@ fn gather_forces<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends
 }
 
 fn gather_moments<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends: Query<&EndForces<E, N>>, mut nodes: Query<&mut Moment>) {
+    if map.rests {
+        return;
+    }
     let ends = columns(&mut ends);
     let mut moment = columns(&mut nodes);
     let moment = moment.bypass_change_detection();
@@ -242,6 +259,8 @@ fn release<E: Element<N>, const N: usize>(world: &mut World, taken: &[bool]) {
             e.release_axial();
         }
     }
+    let rests = world.query::<&E>().iter(world).all(E::rests);
+    world.resource_mut::<EndMap<E, N>>().rests = rests;
 }
 
 /// A source of nodal stiffness that is not an element: adds its bounds to the rows.

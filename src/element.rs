@@ -179,6 +179,11 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
     /// Called when the implicit scheme has taken the axial spring: leave it out from now on.
     fn release_axial(&mut self) {}
 
+    /// True if the element exerts no force any more, whatever happens: when all of a kind rest, they cost nothing.
+    fn rests(&self) -> bool {
+        false
+    }
+
     /// Section forces, for output only.
     fn section_force(&self, _nodes: [NodeState; N]) -> SectionForce {
         SectionForce::default()

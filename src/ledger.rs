@@ -44,6 +44,8 @@ impl EnergyLedger {
 pub struct ContactSummary {
     /// Live records of the neighbour lists, filament to filament.
     pub records: usize,
+    /// Those of them that may touch before all records are looked at again.
+    pub near: usize,
     /// Records that carry a force.
     pub active: usize,
     /// Largest penetration over the smaller radius, filaments and surfaces.
@@ -56,6 +58,8 @@ pub struct ContactSummary {
     pub max_force: f64,
     /// Times the neighbour list was rebuilt.
     pub rebuilds: u64,
+    /// Times all records of the list were looked at.
+    pub looks: u64,
     /// Factor by which the contacts were made stiffer for a target penetration; zero without one.
     pub raised: f64,
 }

@@ -43,6 +43,12 @@ struct Report {
     threads: usize,
     elements: usize,
     contacts: usize,
+    /// Contact records of the neighbour list, and how many of them are near.
+    records: usize,
+    near_records: usize,
+    /// Steps that a neighbour list and a look at all its records last; zero if there was none.
+    steps_per_list: f64,
+    steps_per_look: f64,
     warm_steps: u64,
     steps: u64,
     steps_per_s: f64,
@@ -68,6 +74,11 @@ pub(super) fn bench(args: &BenchArgs, plugins: impl Plugin + Send) -> Result<(),
         "{}: {} elements, {} contacts, {} threads, {} steps from step {}",
         r.scene, r.elements, r.contacts, r.threads, r.steps, r.warm_steps
     ));
+    if r.records > 0 {
+        let last = |steps: f64| if steps > 0.0 { format!("{steps:.1} steps") } else { "the whole pass".into() };
+        let (list, look) = (last(r.steps_per_list), last(r.steps_per_look));
+        out(&format!("  {} records, {} of them near; a list lasts {list}, a look {look}", r.records, r.near_records));
+    }
     out("  set              ns per element-step");
     for set in StepSet::ORDER {
         let name = format!("{set:?}");
@@ -92,6 +103,8 @@ fn measure(args: &BenchArgs, plugins: impl Plugin) -> Result<Report, Failure> {
     steps(&mut sim, args.warm)?;
     let saved = sim.save_state().map_err(SimulationError::Model)?;
     let mut passes = Vec::new();
+    let seen = |sim: &Simulation| sim.world.get_resource::<ContactSummary>().copied().unwrap_or_default();
+    let before = seen(&sim);
     for _ in 0..args.passes {
         sim.restore_state(&saved).map_err(SimulationError::Model)?;
         timing::reset(&mut sim.world);
@@ -102,6 +115,8 @@ fn measure(args: &BenchArgs, plugins: impl Plugin) -> Result<Report, Failure> {
     let slowest = passes.iter().map(|p| p.0).fold(0.0, f64::max);
     let (seconds, share) = passes.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("one pass at least");
     let elements = elements(&sim, &loaded.model).max(1);
+    let now = seen(&sim);
+    let every = |from: u64, to: u64| if to > from { args.steps as f64 / (to - from) as f64 } else { 0.0 };
     let whole = seconds / args.steps as f64;
     let per_element = 1e9 * whole / elements as f64;
     let of = |set: StepSet| share.get(&format!("{set:?}")).copied().unwrap_or(0.0);
@@ -110,7 +125,11 @@ fn measure(args: &BenchArgs, plugins: impl Plugin) -> Result<Report, Failure> {
         version: env!("CARGO_PKG_VERSION"),
         threads: rayon::current_num_threads(),
         elements,
-        contacts: sim.world.get_resource::<ContactSummary>().map_or(0, |c| c.active),
+        contacts: now.active,
+        records: now.records,
+        near_records: now.near,
+        steps_per_list: every(before.rebuilds, now.rebuilds),
+        steps_per_look: every(before.looks, now.looks),
         warm_steps: args.warm,
         steps: args.steps,
         steps_per_s: 1.0 / whole,

@@ -1,10 +1,10 @@
 //! All records of a step, and the way of their forces to the nodes.
 //!
-//! Records write their own force (in parallel); every segment sums what acts on it, every node sums
-//! what acts on it and on the tangents it takes part in. Each sum has one fixed order, so the bits
-//! do not depend on the number of threads. A force on the image of a segment also pulls on the
-//! dummy nodes that carry the period.
+//! Records write their own force (in parallel); those that touch then hand it to the nodes of both
+//! bodies, through the shape functions of the centrelines, in one fixed order. A force on the image of
+//! a segment also pulls on the dummy nodes that carry the period.
 use super::curve::{Range, weights};
+use super::images::Image;
 use super::kernel::{Contact, Penalty, beside, line_contact, point_contact};
 use super::law::{APART, Response, kept_stiffness};
 use super::lines::{Centrelines, Lines, NONE};
@@ -202,183 +202,74 @@ fn points_at_once<L: Lane>(
     }
 }
 
-/// Which records act on which segment, and the sums on the way to the nodes.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct Gather {
-    /// Records of each node: first record, and the end.
-    node_start: Vec<u32>,
-    /// Line records of each segment.
-    line_start: Vec<u32>,
-    line_list: Vec<u32>,
-    /// Sides of point records of each segment (record x 2 + side).
-    point_start: Vec<u32>,
-    point_list: Vec<u32>,
-    /// Records with an image (line records, then point records).
-    shifted: [Vec<u32>; 2],
-    /// Force on each slot.
-    pub slot_force: Vec<DVec3>,
-    tangent_force: Vec<DVec3>,
-    segment_force: Vec<[DVec3; 4]>,
-    image_force: Vec<DVec3>,
-}
-
-/// Lists the entries of each key, in the order in which they come.
-fn lists(keys: impl Iterator<Item = u32> + Clone, count: usize, start: &mut Vec<u32>, list: &mut Vec<u32>) {
-    start.clear();
-    start.resize(count + 1, 0);
-    let mut total = 0;
-    for k in keys.clone() {
-        start[k as usize + 1] += 1;
-        total += 1;
-    }
-    for k in 0..count {
-        start[k + 1] += start[k];
-    }
-    list.clear();
-    list.resize(total, 0);
-    let mut at = start.clone();
-    for (entry, k) in keys.enumerate() {
-        list[at[k as usize] as usize] = entry as u32;
-        at[k as usize] += 1;
+/// Adds a force on a slot to the row of its node and to the dummy nodes that carry its image.
+#[inline(always)]
+pub fn put(lines: &Lines, slot: u32, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
+    let s = &lines.slots[slot as usize];
+    if s.row != NONE {
+        add(s.row as usize, f);
+        put_image(lines, s.image, f, add);
     }
 }
 
-impl Gather {
-    /// Brings the lists up to date with the records.
-    pub fn index(&mut self, lines: &Lines, line_records: &[LineRecord], point_records: &[PointRecord]) {
-        let n = lines.slots.len();
-        self.node_start.clear();
-        self.node_start.resize(n + 1, 0);
-        for r in line_records {
-            self.node_start[r.node as usize + 1] += 1;
-        }
-        for k in 0..n {
-            self.node_start[k + 1] += self.node_start[k];
-        }
-        lists(line_records.iter().map(|r| r.segment), n, &mut self.line_start, &mut self.line_list);
-        let sides = point_records.iter().flat_map(|r| r.segments);
-        lists(sides, n, &mut self.point_start, &mut self.point_list);
-        let zero = lines.images.zero();
-        for list in &mut self.shifted {
-            list.clear();
-        }
-        self.shifted[0].extend((0..line_records.len()).filter(|&k| line_records[k].image != zero).map(|k| k as u32));
-        self.shifted[1].extend((0..point_records.len()).filter(|&k| point_records[k].image != zero).map(|k| k as u32));
+/// Adds a force on a body shifted by an image to the dummy nodes that carry the period.
+#[inline(always)]
+fn put_image(lines: &Lines, image: Image, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
+    if image == lines.images.zero() {
+        return;
     }
-
-    /// Sums the forces of the records on the slots.
-    pub fn sum(
-        &mut self,
-        lines: &Lines,
-        now: &Centrelines,
-        line_records: &[LineRecord],
-        line_forces: &[LineForce],
-        point_records: &[PointRecord],
-        point_forces: &[PointForce],
-    ) {
-        let n = lines.slots.len();
-        self.segment_force.resize(n, [DVec3::ZERO; 4]);
-        self.slot_force.resize(n, DVec3::ZERO);
-        self.tangent_force.resize(n, DVec3::ZERO);
-        let Gather { node_start, line_start, line_list, point_start, point_list, segment_force, slot_force, tangent_force, .. } = self;
-        let on_segment = |j: usize, out: &mut [DVec3; 4]| {
-            let mut sum = [DVec3::ZERO; 4];
-            let h = now.tangent[j][3];
-            let range = Range::new(|_| lines.slots[j].free);
-            let mut add = |f: DVec3, t: f64| {
-                let w = weights(t, range);
-                for (s, w) in sum.iter_mut().zip([w.a, w.b, w.ta * h, w.tb * h]) {
-                    *s += f * w;
-                }
-            };
-            for &k in &line_list[line_start[j] as usize..line_start[j + 1] as usize] {
-                let f = &line_forces[k as usize].0;
-                if f[0] == 0.0 && f[1] == 0.0 && f[2] == 0.0 {
-                    continue;
-                }
-                add(-DVec3::new(f[0], f[1], f[2]), f[3]);
-            }
-            for &k in &point_list[point_start[j] as usize..point_start[j + 1] as usize] {
-                let f = &point_forces[k as usize / 2];
-                let side = k as usize % 2;
-                add(if side == 0 { f.force } else { -f.force }, f.t[side]);
-            }
-            *out = sum;
-        };
-        for_rows(segment_force, on_segment);
-        let segment_force = &*segment_force;
-        let on_slot = |i: usize, out: &mut DVec3| {
-            let mut sum = segment_force[i][0];
-            if i > 0 {
-                sum += segment_force[i - 1][1];
-            }
-            for k in node_start[i] as usize..node_start[i + 1] as usize {
-                let f = &line_forces[k].0;
-                sum += DVec3::new(f[0], f[1], f[2]);
-            }
-            *out = sum;
-        };
-        for_rows(slot_force, on_slot);
-        for_rows(tangent_force, |i, out| {
-            *out = segment_force[i][2];
-            if i > 0 {
-                *out += segment_force[i - 1][3];
-            }
-        });
-        let tangent_force = &*tangent_force;
-        for_rows(slot_force, |i, out| {
-            for k in i.saturating_sub(2)..(i + 3).min(n) {
-                let slot = &lines.slots[k];
-                if let Some(c) = slot.tangent.get((i as isize - k as isize - slot.first) as usize) {
-                    *out += tangent_force[k] * *c;
-                }
-            }
-        });
-
-        self.image_force.clear();
-        self.image_force.resize(lines.images.count(), DVec3::ZERO);
-        for &k in &self.shifted[0] {
-            let f = &line_forces[k as usize].0;
-            self.image_force[line_records[k as usize].image as usize] -= DVec3::new(f[0], f[1], f[2]);
-        }
-        for &k in &self.shifted[1] {
-            self.image_force[point_records[k as usize].image as usize] -= point_forces[k as usize].force;
-        }
-        for (slot, f) in lines.slots.iter().zip(&self.slot_force) {
-            if slot.row != NONE {
-                self.image_force[slot.image as usize] += *f;
-            }
+    let k = lines.images.multiples(image);
+    for (d, row) in lines.images.dummies.iter().enumerate() {
+        if k[d] != 0 {
+            add(*row as usize, f * f64::from(k[d]));
         }
     }
+}
 
-    /// Adds the forces of the slots to the rows of the nodes, and those of the images to the dummy nodes.
-    pub fn scatter(&self, lines: &Lines, mut add: impl FnMut(usize, DVec3)) {
-        for (slot, f) in lines.slots.iter().zip(&self.slot_force) {
-            if slot.row != NONE {
-                add(slot.row as usize, *f);
-            }
-        }
-        for (image, f) in self.image_force.iter().enumerate() {
-            let k = lines.images.multiples(image as u8);
-            for (d, row) in lines.images.dummies.iter().enumerate() {
-                if k[d] != 0 {
-                    add(*row as usize, *f * f64::from(k[d]));
-                }
+/// Adds a force at parameter `t` of a segment: to its nodes, and through the tangents to those beside them.
+#[inline(always)]
+pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
+    let j = segment as usize;
+    let w = weights(t, Range::new(|_| lines.slots[j].free));
+    let h = now.tangent[j][3];
+    put(lines, segment, f * w.a, add);
+    put(lines, segment + 1, f * w.b, add);
+    for (slot, weight) in [(j, w.ta * h), (j + 1, w.tb * h)] {
+        let s = &lines.slots[slot];
+        let first = (slot as isize + s.first) as u32;
+        for (k, c) in s.tangent.iter().enumerate() {
+            if *c != 0.0 {
+                put(lines, first + k as u32, f * (c * weight), add);
             }
         }
     }
 }
 
-fn for_rows<T: Send>(out: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-    if out.len() < 2 * CHUNK || rayon::current_num_threads() == 1 {
-        for (i, o) in out.iter_mut().enumerate() {
-            f(i, o);
+/// Adds the forces of all records to the rows, record by record: few of a list touch, and one order gives
+/// one sum, whatever the number of threads.
+pub fn scatter(
+    lines: &Lines,
+    now: &Centrelines,
+    (line_records, line_forces): (&[LineRecord], &[LineForce]),
+    (point_records, point_forces): (&[PointRecord], &[PointForce]),
+    mut add: impl FnMut(usize, DVec3),
+) {
+    for (r, f) in line_records.iter().zip(line_forces) {
+        let [x, y, z, t] = f.0;
+        if x == 0.0 && y == 0.0 && z == 0.0 {
+            continue;
         }
-    } else {
-        out.par_chunks_mut(CHUNK).enumerate().for_each(|(c, chunk)| {
-            for (i, o) in chunk.iter_mut().enumerate() {
-                f(c * CHUNK + i, o);
-            }
-        });
+        let f = DVec3::new(x, y, z);
+        put(lines, r.node, f, &mut add);
+        put_along(lines, now, r.segment, t, -f, &mut add);
+        put_image(lines, r.image, -f, &mut add);
+    }
+    for (r, f) in point_records.iter().zip(point_forces) {
+        if f.force == DVec3::ZERO {
+            continue;
+        }
+        put_along(lines, now, r.segments[0], f.t[0], f.force, &mut add);
+        put_along(lines, now, r.segments[1], f.t[1], -f.force, &mut add);
+        put_image(lines, r.image, -f.force, &mut add);
     }
 }

@@ -7,6 +7,7 @@
 //! not look for contacts of its own.
 use super::curve::tangent_stencil;
 use super::images::{Image, Images};
+use super::inner::Needed;
 use braid_ecs::prelude::*;
 use std::collections::BTreeMap;
 
@@ -67,6 +68,10 @@ pub struct Lines {
     pub images: Images,
     /// Row that carries the motion of a dependent periodic node, by row.
     pub independent: Vec<u32>,
+    /// Rows of the nodes of all filaments, filament by filament, and their slots.
+    pub rows: Vec<u32>,
+    /// Slot of each of [`Lines::rows`].
+    pub row_slots: Vec<u32>,
     /// Mean radius (length).
     pub mean_radius: f64,
     /// Mean segment length (length).
@@ -111,6 +116,8 @@ impl Lines {
             lines.push_filament(model, m, f, &ends, &row);
         }
         lines.start.push(lines.slots.len() as u32);
+        lines.row_slots = (0..lines.slots.len() as u32).filter(|i| !lines.slots[*i as usize].ghost).collect();
+        lines.rows = lines.row_slots.iter().map(|i| lines.slots[*i as usize].row).collect();
         lines.measure(x);
         lines.link(model, &ends);
         lines.join_chains(&ends);
@@ -311,7 +318,13 @@ pub struct Centrelines {
     pub shift: Vec<DVec3>,
     /// Rates of the image vectors.
     pub shift_rate: Vec<DVec3>,
+    /// True if all slots are up to date.
+    pub complete: bool,
 }
+
+/// Masses of the nodes by row, periodic copies with the mass of the whole node.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct JointMasses(pub Vec<f64>);
 
 /// First three numbers of a row.
 #[inline(always)]
@@ -322,43 +335,79 @@ pub fn xyz(row: &[f64; 4]) -> DVec3 {
 impl Centrelines {
     /// Brings everything up to date with the node columns.
     pub fn refresh(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64]) {
-        lines.images.vectors(|r| x[r].0, &mut self.shift);
-        lines.images.vectors(|r| v[r].0, &mut self.shift_rate);
+        self.refresh_periods(lines, x, v);
         let n = lines.slots.len();
         self.x.resize(n, [0.0; 4]);
         self.v.resize(n, [0.0; 4]);
         self.tangent.resize(n, [0.0; 4]);
         self.rate.resize(n, [0.0; 4]);
         self.bend.resize(n, [0.0; 4]);
-        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate } = self;
-        parallel::zip3_mut(places, &lines.slots, speeds, CHUNK, |place, s, speed| {
-            if s.row == NONE {
-                return;
-            }
-            let r = s.row as usize;
-            let (p, u) = (x[r].0 + shift[s.image as usize], v[r].0 + shift_rate[s.image as usize]);
-            *place = [p.x, p.y, p.z, s.radius];
-            *speed = [u.x, u.y, u.z, mass[r]];
+        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, .. } = self;
+        parallel::rows2(places, speeds, CHUNK, |i, place, speed| put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed));
+        let (x, v) = (&*places, &*speeds);
+        parallel::rows3(tangent, bend, rate, CHUNK, |i, tangent, bend, rate| put_frame(lines, i, x, v, tangent, bend, rate));
+        self.complete = true;
+    }
+
+    /// Brings the needed slots up to date with the node columns; what is left of the others is of an earlier step.
+    pub fn refresh_needed(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64], needed: &Needed) {
+        self.refresh_periods(lines, x, v);
+        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, .. } = self;
+        parallel::picked2(places, speeds, &needed.places, CHUNK, |i, place, speed| {
+            put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed);
         });
         let (x, v) = (&*places, &*speeds);
-        parallel::rows3(tangent, bend, rate, CHUNK, |i, tangent, bend, rate| {
-            let s = &lines.slots[i];
-            // Ghosts bound segments, but have no tangents.
-            if s.ghost {
-                return;
-            }
-            let [a, b, c] = s.tangent;
-            let o = (i as isize + s.first) as usize;
-            let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
-            *tangent = [blend(x, 0), blend(x, 1), blend(x, 2), s.length];
-            *rate = [blend(v, 0), blend(v, 1), blend(v, 2), s.length];
-            let [before, after] = s.half.map(|h| 2.0 * h);
-            if before > 0.0 && after > 0.0 {
-                let x = |k: usize| xyz(&x[k]);
-                let d = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
-                *bend = [d.x, d.y, d.z, 0.0];
-            }
+        parallel::picked3(tangent, bend, rate, &needed.frames, CHUNK, |i, tangent, bend, rate| {
+            put_frame(lines, i, x, v, tangent, bend, rate)
         });
+        self.complete = false;
+    }
+
+    fn refresh_periods(&mut self, lines: &Lines, x: &[Position], v: &[Velocity]) {
+        lines.images.vectors(|r| x[r].0, &mut self.shift);
+        lines.images.vectors(|r| v[r].0, &mut self.shift_rate);
+    }
+}
+
+/// Place and velocity of a slot.
+#[inline(always)]
+fn put_place(
+    s: &Slot,
+    x: &[Position],
+    v: &[Velocity],
+    mass: &[f64],
+    shift: &[DVec3],
+    shift_rate: &[DVec3],
+    place: &mut [f64; 4],
+    speed: &mut [f64; 4],
+) {
+    if s.row == NONE {
+        return;
+    }
+    let r = s.row as usize;
+    let (p, u) = (x[r].0 + shift[s.image as usize], v[r].0 + shift_rate[s.image as usize]);
+    *place = [p.x, p.y, p.z, s.radius];
+    *speed = [u.x, u.y, u.z, mass[r]];
+}
+
+/// Tangent, curvature and rate of the tangent of slot `i`.
+#[inline(always)]
+fn put_frame(lines: &Lines, i: usize, x: &[[f64; 4]], v: &[[f64; 4]], tangent: &mut [f64; 4], bend: &mut [f64; 4], rate: &mut [f64; 4]) {
+    let s = &lines.slots[i];
+    // Ghosts bound segments, but have no tangents.
+    if s.ghost {
+        return;
+    }
+    let [a, b, c] = s.tangent;
+    let o = (i as isize + s.first) as usize;
+    let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
+    *tangent = [blend(x, 0), blend(x, 1), blend(x, 2), s.length];
+    *rate = [blend(v, 0), blend(v, 1), blend(v, 2), s.length];
+    let [before, after] = s.half.map(|h| 2.0 * h);
+    if before > 0.0 && after > 0.0 {
+        let x = |k: usize| xyz(&x[k]);
+        let d = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
+        *bend = [d.x, d.y, d.z, 0.0];
     }
 }
 

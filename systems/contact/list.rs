@@ -128,7 +128,11 @@ impl Found {
             return;
         }
         let shift = now.shift[c.image as usize];
-        let (s, t) = closest_parameters(xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift);
+        let [p, p2, q, q2] = [xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift];
+        if crosses_elsewhere(p, p2 - p, q, q2 - q) {
+            return;
+        }
+        let (s, t) = closest_parameters(p, p2, q, q2);
         let (curve_a, curve_b) = (curve_of(lines, now, c.a), curve_of(lines, now, c.b));
         let apart: V3<f64> = (xyz(&now.x[a]) - xyz(&now.x[b]) - shift).into();
         let limits = |j: usize| {
@@ -326,6 +330,23 @@ fn crossing_distance(lines: &Lines, old: (&PointRecord, &PointState), new: (&Poi
     }
     best
 }
+
+/// True if the straight lines through two segments come closest so far beyond their ends that the curves
+/// will not do so on the segments.
+fn crosses_elsewhere(p: DVec3, u: DVec3, q: DVec3, v: DVec3) -> bool {
+    let w = p - q;
+    let (a, b, c, d, e) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
+    let den = a * c - b * b;
+    // Nearly parallel ones tell nothing.
+    if den < 0.01 * a * c {
+        return false;
+    }
+    let (s, t) = ((b * e - c * d) / den, (a * e - b * d) / den);
+    !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&s) || !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&t)
+}
+
+/// How far the closest points of curves may be from those of their chords, in segments.
+const ELSEWHERE: f64 = 1.0;
 
 fn look_from(penalty: &Penalty, reach: f64, sampling: f64) -> f64 {
     LOOK_FROM * penalty.window[0] * reach / sampling.max(penalty.point_length())

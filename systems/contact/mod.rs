@@ -3,8 +3,9 @@
 //! Filaments are round tubes about C1 centrelines ([`curve`]). Side by side they touch through *line
 //! records*, crossing through *point records* ([`records`], [`kernel`]), with one law of penalty,
 //! damping and Coulomb friction ([`law`]). Which segments may touch is found with a bounding volume
-//! tree and a skin ([`search`], [`list`]), across periodic faces too ([`images`]). Records write
-//! their own forces, nodes gather them ([`assemble`]).
+//! tree and a skin ([`search`], [`list`]), across periodic faces too ([`images`]), and which of them before long
+//! with a second, narrow skin ([`inner`]). Records write
+//! their own forces, and hand them to the nodes ([`assemble`]).
 //!
 //! Sources: J. Yastrebov, *Numerical Methods in Contact Mechanics* (2013) for penalty and return
 //! mapping; C. Meier, W. A. Wall, A. Popp, *Int. J. Numer. Methods Eng.* 111 (2017) for joining line
@@ -13,6 +14,7 @@
 pub mod assemble;
 pub mod curve;
 pub mod images;
+pub mod inner;
 pub mod kernel;
 pub mod law;
 pub mod lines;
@@ -29,11 +31,11 @@ pub use monitor::{ContactKind, ContactReport, all_contacts, filament_contacts};
 pub use spec::{ContactSpec, InitialOverlap};
 pub(crate) use spec::{bounded, positive};
 
-use assemble::Gather;
 use braid_ecs::prelude::*;
+use inner::{InnerList, Marks, Needed};
 use kernel::Penalty;
 use law::{APART, Law};
-use lines::{Centrelines, Lines, joint_masses};
+use lines::{Centrelines, JointMasses, Lines, joint_masses};
 use records::*;
 use search::Search;
 use systems::*;
@@ -66,6 +68,8 @@ pub fn install_lines(cx: &mut Install<'_>) -> Result<bool, String> {
     cx.world.insert_resource(lines);
     cx.world.insert_resource(now);
     cx.world.insert_resource(JointMasses(masses));
+    cx.world.insert_resource(Needed { stale: true, ..Needed::default() });
+    cx.add_system(StepSet::ContactSearch, inner::list_needed);
     cx.add_system(StepSet::ContactSearch, refresh);
     Ok(true)
 }
@@ -96,7 +100,8 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.insert_resource(SelfContact(spec.self_contact));
     cx.world.insert_resource(Relaxation { rule: spec.initial_overlap });
     cx.world.init_resource::<ListBuilder>();
-    cx.world.init_resource::<Gather>();
+    cx.world.init_resource::<InnerList>();
+    cx.world.resource_mut::<Needed>().sources.push(mark);
     cx.world.init_resource::<LiveRecords>();
     cx.world.init_resource::<Requests>();
     cx.world.init_resource::<EnergyLedger>();
@@ -123,6 +128,15 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     Ok(())
 }
 
+/// Marks the slots that the near records need.
+fn mark(world: &mut World, marks: &mut Marks) {
+    let live = *world.resource::<LiveRecords>();
+    let lines: Vec<LineRecord> = world.query::<&LineRecord>().iter(world).take(live.near_lines).copied().collect();
+    let points: Vec<PointRecord> = world.query::<&PointRecord>().iter(world).take(live.near_points).copied().collect();
+    marks.lines(&lines);
+    marks.points(&points);
+}
+
 fn remember(cx: &mut Install<'_>) {
     cx.remember_pool::<LineRecord>(grow_lines);
     cx.remember_pool::<LineState>(grow_lines);
@@ -134,6 +148,7 @@ fn remember(cx: &mut Install<'_>) {
     cx.remember_resource::<Penalty>();
     cx.remember_resource::<Requests>();
     cx.remember_resource::<Search>();
+    cx.remember_resource::<InnerList>();
     cx.after_restore(settle);
 }
 

@@ -1,5 +1,6 @@
 //! What contacts look like from outside: every touching record, and their summary.
 use super::assemble::{of_line, of_point};
+use super::inner::{InnerList, refresh_all};
 use super::kernel::{Contact, Penalty};
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
@@ -87,6 +88,7 @@ pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
     if !world.contains_resource::<Search>() {
         return out;
     }
+    refresh_all(world);
     let mut line_query = world.query::<(&LineRecord, &LineState)>();
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
     let live = *world.resource::<LiveRecords>();
@@ -170,9 +172,11 @@ fn too_deep(c: &ContactReport) -> String {
 pub fn summarise(world: &mut World) {
     let contacts = all_contacts(world);
     let live = world.get_resource::<LiveRecords>().copied().unwrap_or_default();
-    let mut summary = ContactSummary { records: live.lines + live.points, ..ContactSummary::default() };
+    let mut summary =
+        ContactSummary { records: live.lines + live.points, near: live.near_lines + live.near_points, ..ContactSummary::default() };
     summary.raised = world.get_resource::<Target>().map_or(0.0, |t| t.raised);
     summary.rebuilds = world.get_resource::<Search>().map_or(0, |s| s.rebuilds);
+    summary.looks = world.get_resource::<InnerList>().map_or(0, |i| i.looks);
     let mut depths = Vec::new();
     let mut energy = 0.0;
     if let Some(deep) = contacts.iter().filter(|c| c.normal_force > 0.0).find(|c| -c.gap - c.offset > DEEPEST * c.radius) {

@@ -4,8 +4,7 @@
 //!   of a neighbour. Side by side filaments touch through these.
 //! - A *point record* is the closest point of two centrelines. Crossing filaments touch through these.
 //!
-//! The first rows of a pool, as many as [`LiveRecords`] says, are in use, in the order of their
-//! identities; the rest wait. A record keeps its place on both filaments as a real number, so its
+//! The first rows of a pool, as many as [`LiveRecords`] says, are in use; the rest wait. A record keeps its place on both filaments as a real number, so its
 //! friction history survives when it slides over a node.
 use super::images::Image;
 use super::lines::Lines;
@@ -94,13 +93,18 @@ pub struct PointForce {
     pub t: [f64; 2],
 }
 
-/// How many rows of the pools are in use.
+/// How many rows of the pools are in use, and how many of them, at the front, are near enough to
+/// touch before the next look.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LiveRecords {
     /// Line records.
     pub lines: usize,
     /// Point records.
     pub points: usize,
+    /// Near line records.
+    pub near_lines: usize,
+    /// Near point records.
+    pub near_points: usize,
 }
 
 /// How far a parameter may leave [0, 1] before the record moves to the next segment.

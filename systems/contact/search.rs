@@ -5,9 +5,8 @@
 //! skin; the list stays complete while no node has left its forecast by more than its room, half the
 //! skin (Verlet 1967 with moving references). Neighbours move alike, so a forecast makes the list
 //! hardly longer, and a braid that closes fast keeps it for tens of steps. Single nodes that whip
-//! about get more room of their own: one of them does not make the list of all others anew. A
-//! budget is paid with the largest speed against the forecast in each step, in units of the room, and
-//! when it is used up the true distance decides. Pairs across periodic faces come from a second
+//! about get more room of their own: one of them does not make the list of all others anew. Whether it
+//! is complete for some more steps is seen whenever all records are looked at ([`super::inner`]). Pairs across periodic faces come from a second
 //! traversal of the tree against itself, shifted; the motion of the period counts like that of nodes.
 //!
 //! The distance of two segments is computed here with relative tolerances: the routine of parry
@@ -40,15 +39,12 @@ pub struct Search {
     pub skin: f64,
     /// Times the list was made.
     pub rebuilds: u64,
-    /// Times the true displacement was looked at.
-    pub looks: u64,
-    /// Share of the room of the nodes that is left.
-    budget: f64,
     /// How far each node may leave its forecast, by slot (length).
     room: Vec<f64>,
-    /// Time for which the list is made, and how much of it is over.
+    /// Time for which the list is made, how much of it is gone, and whether the rest was too little.
     horizon: f64,
     elapsed: f64,
+    over: bool,
     /// How far the boxes look ahead: the horizon, or nothing while nothing moves.
     ahead: f64,
     /// Positions when the list was made, and the forecast of their velocities, by slot.
@@ -97,33 +93,59 @@ impl Search {
         self.reference.clear();
     }
 
-    /// Pays for the motion of one step; true if the list must be made again.
-    pub fn outdated(&mut self, lines: &Lines, now: &Centrelines, dt: f64) -> bool {
+    /// Time that is left of what the list is made for.
+    pub fn remaining(&self) -> f64 {
+        self.horizon - self.elapsed
+    }
+
+    /// True if the list must be made again: `elapsed` has gone by since the last call, less than `least` is left of its
+    /// time, or nodes that use another `share` of their room may leave it.
+    pub fn outdated(&mut self, lines: &Lines, now: &Centrelines, elapsed: f64, least: f64, share: f64) -> bool {
         if self.reference.len() != lines.slots.len() {
             return true;
         }
-        self.elapsed += dt;
-        if self.elapsed > self.horizon {
+        self.elapsed += elapsed;
+        self.over = self.elapsed > 0.0 && self.remaining() < least;
+        if self.over {
             return true;
         }
-        let least = 0.5 * self.skin;
-        let speed = self.largest(|i| (xyz(&now.v[i]) - self.forecast[i]).length_squared());
-        self.budget -= dt * (speed + 0.5 * farthest(&now.shift_rate, &self.forecast_shift, |_| DVec3::ZERO) / least);
-        if self.budget > 0.0 {
-            return false;
-        }
-        self.looks += 1;
-        let way = self.largest(|i| (xyz(&now.x[i]) - self.reference[i] - self.forecast[i] * self.elapsed).length_squared());
-        let period = farthest(&now.shift, &self.reference_shift, |i| self.forecast_shift[i] * self.elapsed);
-        self.budget = 1.0 - way - 0.5 * period / least;
-        // A list that would be due again in the next step is made now. NaN ends up here, too.
-        self.budget.is_nan() || self.budget <= 0.01
+        let way = |i: usize| (xyz(&now.x[i]) - self.reference[i] - self.forecast[i] * self.elapsed).length_squared();
+        let used = largest(self.room.len(), |i| way(i) / (self.room[i] * self.room[i])).sqrt();
+        // NaN ends up here, too.
+        let left = 1.0 - share - used - self.period_left(&now.shift, &self.reference_shift, self.elapsed);
+        left.is_nan() || left <= 0.0
     }
 
-    /// Largest root of what `square` says of a slot, in units of the room there.
-    fn largest(&self, square: impl Fn(usize) -> f64 + Sync) -> f64 {
-        let of = |range: std::ops::Range<usize>| range.fold(0.0f64, |m, i| m.max(square(i) / (self.room[i] * self.room[i])));
-        parallel::chunks(self.room.len(), CHUNK, of).into_iter().fold(0.0, f64::max).sqrt()
+    /// How far nodes have left their forecast in `elapsed`, at most, in units of their room; `way` tells
+    /// how far each has moved, in the order of [`Lines::rows`].
+    pub fn farthest(&self, lines: &Lines, elapsed: f64, way: impl Fn(usize) -> DVec3 + Sync) -> f64 {
+        if self.room.len() != lines.slots.len() {
+            return f64::INFINITY;
+        }
+        let of = |k: usize| {
+            let i = lines.row_slots[k] as usize;
+            (way(k) - self.forecast[i] * elapsed).length_squared() / (self.room[i] * self.room[i])
+        };
+        largest(lines.row_slots.len(), of).sqrt()
+    }
+
+    /// How far the periods have left their forecast, in units of the least room.
+    pub fn period_left(&self, shift: &[DVec3], reference: &[DVec3], elapsed: f64) -> f64 {
+        farthest(shift, reference, |i| self.forecast_shift[i] * elapsed) / self.skin
+    }
+
+    /// How much closer two bodies can come in `time`, if each node uses `share` of its room.
+    pub fn approach(&self, a: &[usize], b: &[usize], image: Image, time: f64, share: f64) -> f64 {
+        let (mut fastest, mut room) = (0.0f64, 0.0f64);
+        for &i in a {
+            for &j in b {
+                fastest = fastest.max((self.forecast[i] - self.forecast[j] - self.forecast_shift[image as usize]).length());
+                // The period takes its share like a node.
+                room = room.max(self.room[i] + self.room[j] + 0.5 * self.skin);
+            }
+        }
+        let time = if time.is_finite() { time } else { 0.0 };
+        fastest * time + share * room
     }
 
     /// All pairs of segments closer than the skin, sorted; `excluded` says which may never touch.
@@ -199,7 +221,6 @@ impl Search {
         self.reference.clear();
         self.reference.extend(now.x.iter().map(xyz));
         self.reference_shift.clone_from(&now.shift);
-        self.budget = 1.0;
         self.elapsed = 0.0;
 
         // Nodes must not pass many segments of their neighbours while the list lasts.
@@ -226,8 +247,8 @@ impl Search {
         let most = least.max(FARTHEST * lines.mean_length);
         let missed = |i: usize| (xyz(&now.x[i]) - self.reference[i]) / time - self.forecast[i];
         let rate: Vec<f64> = (0..now.x.len()).map(|i| if lines.slots[i].spacing > 0.0 { missed(i).length() } else { 0.0 }).collect();
-        if time > self.horizon {
-            self.horizon = STRETCH * time;
+        if self.over {
+            self.horizon = STRETCH * self.horizon.max(time);
         } else {
             // It came too early: the time in which all but a few stay in the least room, and those in the most.
             let mut order = rate.clone();
@@ -301,6 +322,11 @@ impl Search {
         let reach = now.x[a][3] + now.x[b][3] + self.room_of(a) + self.room_of(b) + self.bulge[a] + self.bulge[b] + approach.sqrt();
         segment_distance_squared(x[a], x[a + 1], x[b] + shift, x[b + 1] + shift) < reach * reach
     }
+}
+
+/// Largest of what `of` says of `count` rows.
+fn largest(count: usize, of: impl Fn(usize) -> f64 + Sync) -> f64 {
+    parallel::chunks(count, CHUNK, |range| range.fold(0.0f64, |m, i| m.max(of(i)))).into_iter().fold(0.0, f64::max)
 }
 
 /// Largest distance between two sets of vectors, the second one moved on.

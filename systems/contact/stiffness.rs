@@ -1,6 +1,7 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
 use super::assemble::{of_line, of_point};
+use super::inner::refresh_all;
 use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, NONE};
 use super::records::*;
@@ -99,6 +100,7 @@ pub fn resolve(world: &mut World) {
 /// K <= diag(k |w_i| sum |w_j|).
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
+    refresh_all(world);
     let mut line_query = world.query::<(&LineRecord, &LineState)>();
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
     let masses: Vec<f64> = world.query::<&Mass>().iter(world).map(|m| m.0).collect();
@@ -174,26 +176,18 @@ impl Spread<'_> {
         let range = super::curve::Range::new(|_| slots[segment as usize].free);
         let w = super::curve::weights(t, range);
         let h = now.tangent[segment as usize][3];
-        let mut local: Vec<(u32, f64)> = vec![(segment, w.a), (segment + 1, w.b)];
-        for (at, weight) in [(segment, w.ta * h), (segment + 1, w.tb * h)] {
+        let mut local = [(u32::MAX, 0.0); 8];
+        (local[0], local[1]) = ((segment, w.a), (segment + 1, w.b));
+        for (side, (at, weight)) in [(segment, w.ta * h), (segment + 1, w.tb * h)].into_iter().enumerate() {
             let s = &slots[at as usize];
             let first = (at as isize + s.first) as u32;
-            for (k, c) in s.tangent.iter().enumerate() {
-                if *c != 0.0 {
-                    local.push((first + k as u32, c * weight));
-                }
+            for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
+                local[2 + 3 * side + k] = (first + k as u32, c * weight);
             }
         }
-        local.sort_by_key(|l| l.0);
-        let mut k = 0;
-        while k < local.len() {
-            let (slot, mut sum) = local[k];
-            k += 1;
-            while k < local.len() && local[k].0 == slot {
-                sum += local[k].1;
-                k += 1;
-            }
-            self.node(slot, sum);
+        local.sort_unstable_by_key(|l| l.0);
+        for same in local.chunk_by(|a, b| a.0 == b.0).filter(|same| same[0].0 != u32::MAX) {
+            self.node(same[0].0, same.iter().map(|l| l.1).sum());
         }
     }
 

@@ -1,16 +1,13 @@
 //! The systems of contact between filaments.
 use super::assemble::*;
+use super::inner::{InnerList, Needed};
 use super::kernel::Penalty;
-use super::lines::{Centrelines, Lines};
+use super::lines::{Centrelines, JointMasses, Lines};
 use super::list::{Builder, excluded};
 use super::records::*;
 use super::search::Search;
 use super::spec::InitialOverlap;
 use braid_ecs::prelude::*;
-
-/// Masses of the nodes by row, periodic copies with the mass of the whole node.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct JointMasses(pub Vec<f64>);
 
 /// What the last evaluation asks of the next search.
 #[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -19,8 +16,6 @@ pub struct Requests {
     pub strayed: bool,
     /// Filaments that touch have turned against each other: crossings must be looked for.
     pub turned: bool,
-    /// The list must be made again in this step.
-    pub rebuild: bool,
 }
 
 /// Overlap that goes away in time.
@@ -45,45 +40,70 @@ impl Relaxation {
 #[derive(Resource, Default)]
 pub struct ListBuilder(pub Builder);
 
-/// Centrelines follow the nodes.
-pub fn refresh(lines: Res<Lines>, masses: Res<JointMasses>, mut now: ResMut<Centrelines>, mut nodes: Query<(&Position, &Velocity)>) {
-    let (x, v) = columns(&mut nodes);
-    now.refresh(&lines, x, v, &masses.0);
-}
-
-/// Records that have left their segment move to the next one; decides whether a new list is due.
-pub fn follow(
+/// Centrelines follow the nodes: all of them when all records are looked at, else those that are needed.
+pub fn refresh(
     clock: Res<Clock>,
     lines: Res<Lines>,
-    now: Res<Centrelines>,
+    masses: Res<JointMasses>,
+    needed: Res<Needed>,
+    mut now: ResMut<Centrelines>,
+    inner: Option<ResMut<InnerList>>,
+    search: Option<Res<Search>>,
+    requests: Option<Res<Requests>>,
+    mut nodes: Query<(&Position, &Velocity)>,
+) {
+    let (x, v) = columns(&mut nodes);
+    let mut all = false;
+    if let (Some(mut inner), Some(search), Some(requests)) = (inner, search, requests) {
+        inner.due |= requests.turned;
+        inner.follow(&search, &lines, x, clock.dt);
+        all = inner.due;
+    }
+    if all {
+        now.refresh(&lines, x, v, &masses.0);
+    } else {
+        now.refresh_needed(&lines, x, v, &masses.0, &needed);
+    }
+}
+
+/// Records that have left their segment move to the next one.
+pub fn follow(
+    lines: Res<Lines>,
     live: Res<LiveRecords>,
-    mut search: ResMut<Search>,
+    inner: Res<InnerList>,
     mut requests: ResMut<Requests>,
-    mut gather: ResMut<Gather>,
+    mut needed: ResMut<Needed>,
     mut line: Query<(&mut LineRecord, &mut LineState)>,
     mut point: Query<(&mut PointRecord, &mut PointState)>,
 ) {
-    if requests.strayed {
-        let (mut lr, mut ls) = columns(&mut line);
-        let (mut pr, mut ps) = columns(&mut point);
-        let (lr, ls) = (&mut lr.bypass_change_detection()[..live.lines], &mut ls.bypass_change_detection()[..live.lines]);
-        let (pr, ps) = (&mut pr.bypass_change_detection()[..live.points], &mut ps.bypass_change_detection()[..live.points]);
-        for (r, s) in lr.iter_mut().zip(ls) {
-            r.rehome(&lines, &mut s.t);
-        }
-        for (r, s) in pr.iter_mut().zip(ps) {
-            r.rehome(&lines, &mut s.t);
-        }
-        gather.index(&lines, lr, pr);
-        requests.strayed = false;
+    if !requests.strayed {
+        return;
     }
-    requests.rebuild = search.outdated(&lines, &now, clock.dt) || requests.turned;
+    // Far records may wait for the next look.
+    let (n, m) = if inner.due { (live.lines, live.points) } else { (live.near_lines, live.near_points) };
+    let (mut lr, mut ls) = columns(&mut line);
+    let (mut pr, mut ps) = columns(&mut point);
+    for (r, s) in lr.bypass_change_detection()[..n].iter_mut().zip(ls.bypass_change_detection()) {
+        r.rehome(&lines, &mut s.t);
+    }
+    for (r, s) in pr.bypass_change_detection()[..m].iter_mut().zip(ps.bypass_change_detection()) {
+        r.rehome(&lines, &mut s.t);
+    }
+    requests.strayed = !inner.due;
+    needed.stale = true;
 }
 
 /// Makes a new list if one is due.
 pub fn rebuild(world: &mut World) {
     super::stiffness::resolve(world);
-    if world.resource::<Requests>().rebuild {
+    if !world.resource::<InnerList>().due {
+        return;
+    }
+    let dt = world.resource::<Clock>().dt_target;
+    let outgrown = world.resource_scope(|world, mut search: Mut<Search>| {
+        world.resource::<InnerList>().outgrows(&mut search, world.resource::<Lines>(), world.resource::<Centrelines>(), dt)
+    });
+    if outgrown || world.resource::<Requests>().turned {
         make_list(world);
         *world.resource_mut::<Requests>() = Requests::default();
         world.get_resource_or_init::<StiffnessChanged>().0 = true;
@@ -94,7 +114,6 @@ pub fn rebuild(world: &mut World) {
 pub fn make_list(world: &mut World) {
     let mut search = world.remove_resource::<Search>().expect("inserted by the installer");
     let mut builder = world.remove_resource::<ListBuilder>().expect("inserted by the installer");
-    let mut gather = world.remove_resource::<Gather>().expect("inserted by the installer");
     let live = *world.resource::<LiveRecords>();
     let mut line = world.query::<(&mut LineRecord, &mut LineState)>();
     let mut point = world.query::<(&mut PointRecord, &mut PointState)>();
@@ -104,15 +123,10 @@ pub fn make_list(world: &mut World) {
         let never = |c| excluded(lines, c) || !touching && lines.chain_of(c.a) == lines.chain_of(c.b) && c.image == lines.images.zero();
         search.candidates(lines, now, never, &mut builder.0.candidates);
         builder.0.build(penalty, lines, now);
-        let (mut old_lines, mut old_points) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
-        for (r, s) in line.iter(world).take(live.lines) {
-            old_lines.0.push(*r);
-            old_lines.1.push(*s);
-        }
-        for (r, s) in point.iter(world).take(live.points) {
-            old_points.0.push(*r);
-            old_points.1.push(*s);
-        }
+        let mut old_lines: Vec<_> = line.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).collect();
+        old_lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
+        let old_lines: (Vec<LineRecord>, Vec<LineState>) = old_lines.into_iter().unzip();
+        let old_points: (Vec<PointRecord>, Vec<PointState>) = point.iter(world).take(live.points).map(|(r, s)| (*r, *s)).unzip();
         builder.0.inherit(lines, (&old_lines.0, &old_lines.1), (&old_points.0, &old_points.1));
     }
     grow_lines(world, builder.0.lines.len());
@@ -123,13 +137,12 @@ pub fn make_list(world: &mut World) {
     for (new, (mut r, mut s)) in builder.0.points.iter().zip(point.iter_mut(world)) {
         (*r, *s) = *new;
     }
-    *world.resource_mut::<LiveRecords>() = LiveRecords { lines: builder.0.lines.len(), points: builder.0.points.len() };
-    let records: (Vec<LineRecord>, Vec<PointRecord>) =
-        (builder.0.lines.iter().map(|r| r.0).collect(), builder.0.points.iter().map(|r| r.0).collect());
-    gather.index(world.resource::<Lines>(), &records.0, &records.1);
+    let (lines, points) = (builder.0.lines.len(), builder.0.points.len());
+    *world.resource_mut::<LiveRecords>() = LiveRecords { lines, points, near_lines: lines, near_points: points };
+    world.resource_mut::<InnerList>().invalidate();
+    world.resource_mut::<Needed>().stale = true;
     world.insert_resource(search);
     world.insert_resource(builder);
-    world.insert_resource(gather);
 }
 
 /// True if a filament may touch itself.
@@ -155,36 +168,34 @@ pub fn grow_points(world: &mut World, need: usize) {
     world.spawn_batch(vec![(idle, PointState::at([0.0; 2]), PointForce::default()); rows]);
 }
 
-/// After a restore: who acts on whom follows from the records, and the stiffness has been found.
+/// After a restore: the stiffness has been found, and the centrelines are those of another time.
 pub fn settle(world: &mut World) {
     world.remove_resource::<super::stiffness::Wanted>();
-    let live = *world.resource::<LiveRecords>();
-    let records: Vec<LineRecord> = world.query::<&LineRecord>().iter(world).take(live.lines).copied().collect();
-    let points: Vec<PointRecord> = world.query::<&PointRecord>().iter(world).take(live.points).copied().collect();
-    world.resource_scope(|world, mut gather: Mut<Gather>| gather.index(world.resource::<Lines>(), &records, &points));
+    world.resource_mut::<Needed>().stale = true;
+    world.resource_mut::<Centrelines>().complete = false;
 }
 
-/// Forces of all records, and their sums at the nodes.
+/// Forces of the near records, or of all in a step with a look, and their sums at the nodes.
 pub fn forces(
     clock: Res<Clock>,
     relaxation: Res<Relaxation>,
-    mut penalty: ResMut<Penalty>,
-    (lines, now, live): (Res<Lines>, Res<Centrelines>, Res<LiveRecords>),
-    mut requests: ResMut<Requests>,
-    mut gather: ResMut<Gather>,
+    (lines, now, search): (Res<Lines>, Res<Centrelines>, Res<Search>),
+    (mut penalty, mut requests, mut needed): (ResMut<Penalty>, ResMut<Requests>, ResMut<Needed>),
+    (mut live, mut inner): (ResMut<LiveRecords>, ResMut<InnerList>),
     mut ledger: ResMut<EnergyLedger>,
-    mut line: Query<(&LineRecord, &mut LineState, &mut LineForce)>,
-    mut point: Query<(&PointRecord, &mut PointState, &mut PointForce)>,
-    mut nodes: Query<&mut Force>,
+    mut line: Query<(&mut LineRecord, &mut LineState, &mut LineForce)>,
+    mut point: Query<(&mut PointRecord, &mut PointState, &mut PointForce)>,
+    mut nodes: Query<(&Position, &mut Force)>,
 ) {
     penalty.law.dt = clock.dt;
     penalty.keep = relaxation.keep(clock.time, clock.dt);
-    let (lr, mut ls, mut lf) = columns(&mut line);
-    let (pr, mut ps, mut pf) = columns(&mut point);
-    let n = live.lines;
-    let (lr, ls, lf) = (&lr[..n], &mut ls.bypass_change_detection()[..n], &mut lf.bypass_change_detection()[..n]);
-    let n = live.points;
-    let (pr, ps, pf) = (&pr[..n], &mut ps.bypass_change_detection()[..n], &mut pf.bypass_change_detection()[..n]);
+    let (mut lr, mut ls, mut lf) = columns(&mut line);
+    let (mut pr, mut ps, mut pf) = columns(&mut point);
+    let (n, m) = if inner.due { (live.lines, live.points) } else { (live.near_lines, live.near_points) };
+    let (lr, ls, lf) =
+        (&mut lr.bypass_change_detection()[..n], &mut ls.bypass_change_detection()[..n], &mut lf.bypass_change_detection()[..n]);
+    let (pr, ps, pf) =
+        (&mut pr.bypass_change_detection()[..m], &mut ps.bypass_change_detection()[..m], &mut pf.bypass_change_detection()[..m]);
     let mut total = evaluate_lines(&penalty, &lines, &now, lr, ls, lf);
     total.add(evaluate_points(&penalty, &lines, &now, pr, ps, pf));
     requests.strayed |= total.strayed;
@@ -192,8 +203,13 @@ pub fn forces(
     ledger.friction += total.friction;
     ledger.damping += total.damping;
     ledger.external_work += total.relaxed;
-    gather.sum(&lines, &now, lr, lf, pr, pf);
-    let mut force = columns(&mut nodes);
+    let (x, mut force) = columns(&mut nodes);
     let force = force.bypass_change_detection();
-    gather.scatter(&lines, |row, f| force[row].0 += f);
+    scatter(&lines, &now, (lr, lf), (pr, pf), |row, f| force[row].0 += f);
+    if inner.due {
+        inner.begin(&search, &lines, &now, x, clock.dt_target.max(clock.dt));
+        live.near_lines = inner.divide_lines(&search, &lines, &now, lr, ls);
+        live.near_points = inner.divide_points(&search, pr, ps);
+        needed.stale = true;
+    }
 }

@@ -153,21 +153,3 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
     let response = respond(&surface.law, &touch, &memory);
     Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, place }
 }
-
-/// Spreads a force at parameter `t` of a segment over the slots.
-pub fn spread(lines: &Lines, now: &Centrelines, segment: u32, t: f64, force: DVec3, mut add: impl FnMut(u32, DVec3)) {
-    let j = segment as usize;
-    let w = curve::weights(t, curve::Range::new(|_| lines.slots[j].free));
-    let h = now.tangent[j][3];
-    add(segment, force * w.a);
-    add(segment + 1, force * w.b);
-    for (slot, weight) in [(j, w.ta * h), (j + 1, w.tb * h)] {
-        let s = &lines.slots[slot];
-        let first = (slot as isize + s.first) as u32;
-        for (k, c) in s.tangent.iter().enumerate() {
-            if *c != 0.0 {
-                add(first + k as u32, force * (c * weight));
-            }
-        }
-    }
-}

@@ -1,9 +1,10 @@
 //! The systems of contact with rigid surfaces.
-use super::kernel::{Surface, Touching, edge_contact, edge_step, node_contact, spread};
+use super::kernel::{Surface, Touching, edge_contact, edge_step, node_contact};
 use super::records::*;
 use super::shape::Shape;
 use super::spec::{Mandrel, SurfaceSpec, Surfaces, surface_specs};
-use crate::systems::contact::images::Images;
+use crate::systems::contact::assemble::{put, put_along};
+use crate::systems::contact::inner::{Marks, Needed, refresh_all};
 use crate::systems::contact::law::{APART, Law, kept_stiffness, raised};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::contact::records::{rehome, strayed};
@@ -130,6 +131,7 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
     });
     cx.world.init_resource::<LiveSurfaceRecords>();
     cx.world.init_resource::<EnergyLedger>();
+    cx.world.resource_mut::<Needed>().sources.push(mark);
     make_list(cx.world);
     treat_overlap(cx.world)?;
     cx.world.get_resource_or_init::<StiffnessSources>().0.push(("surface", bounds));
@@ -232,10 +234,11 @@ pub fn raise_stiffness(world: &mut World, factor: f64) {
 fn follow(
     clock: Res<Clock>,
     lines: Res<Lines>,
-    now: Res<Centrelines>,
     live: Res<LiveSurfaceRecords>,
     mut set: ResMut<SurfaceSet>,
+    mut needed: ResMut<Needed>,
     mut edges: Query<(&mut EdgeRecord, &mut EdgeState)>,
+    mut nodes: Query<&Velocity>,
 ) {
     if set.moved {
         let (mut records, mut states) = columns(&mut edges);
@@ -243,8 +246,10 @@ fn follow(
             (r.segment, s.t, _) = rehome(&lines, r.segment, s.t);
         }
         set.moved = false;
+        needed.stale = true;
     }
-    let fastest = lines.slots.iter().zip(&now.v).filter(|(s, _)| s.spacing > 0.0).fold(0.0f64, |m, (_, v)| m.max(xyz(v).length_squared()));
+    let v = columns(&mut nodes);
+    let fastest = lines.rows.iter().fold(0.0f64, |m, row| m.max(v[*row as usize].0.length_squared()));
     set.budget -= clock.dt * fastest.sqrt();
 }
 
@@ -253,6 +258,7 @@ fn rebuild(world: &mut World) {
     if world.resource::<SurfaceSet>().budget > 0.0 {
         return;
     }
+    refresh_all(world);
     let (skin, farthest) = {
         let (set, now) = (world.resource::<SurfaceSet>(), world.resource::<Centrelines>());
         let moved = set.reference.iter().zip(&now.x).fold(0.0f64, |m, (a, b)| m.max((*a - xyz(b)).length_squared()));
@@ -297,6 +303,14 @@ fn make_list(world: &mut World) {
         (*r, *s) = *new;
     }
     *world.resource_mut::<LiveSurfaceRecords>() = LiveSurfaceRecords { nodes: nodes.len(), edges: edges.len() };
+    world.resource_mut::<Needed>().stale = true;
+}
+
+/// Marks the slots that the records need.
+fn mark(world: &mut World, marks: &mut Marks) {
+    let live = *world.resource::<LiveSurfaceRecords>();
+    world.query::<&SurfaceRecord>().iter(world).take(live.nodes).for_each(|r| marks.place(r.node));
+    world.query::<&EdgeRecord>().iter(world).take(live.edges).for_each(|r| marks.segment(r.segment));
 }
 
 fn grow_nodes(world: &mut World, need: usize) {
@@ -397,21 +411,6 @@ fn inherit(
     }
 }
 
-/// Adds a force on a slot to its row and to the dummy nodes behind it.
-fn put(lines: &Lines, images: &Images, force: &mut [Force], slot: u32, f: DVec3) {
-    let s = &lines.slots[slot as usize];
-    if s.row == NONE {
-        return;
-    }
-    force[s.row as usize].0 += f;
-    let k = images.multiples(s.image);
-    for (d, row) in images.dummies.iter().enumerate() {
-        if k[d] != 0 {
-            force[*row as usize].0 += f * f64::from(k[d]);
-        }
-    }
-}
-
 /// Forces of all surfaces on the nodes, in record order.
 fn forces(
     clock: Res<Clock>,
@@ -432,6 +431,7 @@ fn forces(
     reactions.moment.fill(DVec3::ZERO);
     let mut force = columns(&mut nodes);
     let force = force.bypass_change_detection();
+    let mut add = |row: usize, f: DVec3| force[row].0 += f;
     let mut account = |surface: usize, c: &Touching, offset: f64| {
         let r = &c.response;
         let f = r.force.lane(0);
@@ -449,7 +449,7 @@ fn forces(
         let c = node_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
         *state = SurfaceState { slip: c.response.memory.slip.lane(0), damper: c.response.memory.damper, offset: c.offset };
-        put(&lines, &lines.images, force, record.node, c.response.force.lane(0));
+        put(&lines, record.node, c.response.force.lane(0), &mut add);
     }
     let (records, mut states) = columns(&mut edge_query);
     for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
@@ -459,13 +459,14 @@ fn forces(
         let stiffness = kept_stiffness(c.stiffness, overlap);
         *state = EdgeState { t: c.t, slip: memory.slip.lane(0), damper: memory.damper, offset: c.offset, stiffness, overlap };
         *moved |= strayed(c.t);
-        spread(&lines, &now, record.segment, c.t, c.response.force.lane(0), |slot, f| put(&lines, &lines.images, force, slot, f));
+        put_along(&lines, &now, record.segment, c.t, c.response.force.lane(0), &mut add);
     }
 }
 
 /// Adds the bounds of all records that touch or nearly do.
 fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
+    refresh_all(world);
     let masses: Vec<f64> = world.query::<&Mass>().iter(world).map(|m| m.0).collect();
     let mut node_query = world.query::<(&SurfaceRecord, &SurfaceState)>();
     let mut edge_query = world.query::<(&EdgeRecord, &EdgeState)>();
@@ -506,6 +507,7 @@ pub fn surface_contacts(world: &mut World) -> Vec<ContactReport> {
     if !world.contains_resource::<SurfaceSet>() {
         return out;
     }
+    refresh_all(world);
     let mut node_query = world.query::<(&SurfaceRecord, &SurfaceState)>();
     let mut edge_query = world.query::<(&EdgeRecord, &EdgeState)>();
     let live = *world.resource::<LiveSurfaceRecords>();

@@ -3,6 +3,7 @@
 #![allow(dead_code)]
 use braid_ecs::prelude::*;
 use braid_ecs::systems::contact::assemble::*;
+use braid_ecs::systems::contact::inner::*;
 use braid_ecs::systems::contact::kernel::*;
 use braid_ecs::systems::contact::law::{APART, Law};
 use braid_ecs::systems::contact::lines::*;
@@ -18,7 +19,9 @@ pub struct Rig {
     pub builder: Builder,
     pub line: (Vec<LineRecord>, Vec<LineState>, Vec<LineForce>),
     pub point: (Vec<PointRecord>, Vec<PointState>, Vec<PointForce>),
-    pub gather: Gather,
+    pub inner: InnerList,
+    pub needed: Needed,
+    pub near: (usize, usize),
     pub x: Vec<Position>,
     pub v: Vec<Velocity>,
     pub mass: Vec<f64>,
@@ -71,7 +74,9 @@ impl Rig {
             builder: Builder::default(),
             line: Default::default(),
             point: Default::default(),
-            gather: Gather::default(),
+            inner: InnerList::default(),
+            needed: Needed::default(),
+            near: (0, 0),
             x,
             v,
             mass: vec![1.0; count],
@@ -106,36 +111,58 @@ impl Rig {
         self.point.0 = self.builder.points.iter().map(|r| r.0).collect();
         self.point.1 = self.builder.points.iter().map(|r| r.1).collect();
         self.point.2 = vec![PointForce::default(); self.point.0.len()];
-        self.gather.index(&self.lines, &self.line.0, &self.point.0);
+        self.inner.invalidate();
     }
 
     /// Forces at the current positions, after a step `dt` with the current velocities.
     pub fn evaluate(&mut self, dt: f64) {
-        self.refresh();
         self.settings.law.dt = dt;
+        self.inner.follow(&self.search, &self.lines, &self.x, dt);
+        // Without time the nodes have been put somewhere else.
+        self.inner.due |= dt == 0.0 || self.lost.turned;
+        let due = self.inner.due;
+        if due {
+            self.refresh();
+            if self.inner.outgrows(&mut self.search, &self.lines, &self.now, dt) || self.lost.turned {
+                self.rebuild();
+            }
+        } else {
+            if self.needed.stale {
+                let mut marks = Marks::none(&self.lines);
+                marks.lines(&self.line.0[..self.near.0]);
+                marks.points(&self.point.0[..self.near.1]);
+                self.needed.list(&self.lines, marks);
+            }
+            self.now.refresh_needed(&self.lines, &self.x, &self.v, &self.mass, &self.needed);
+        }
+        let (n, m) = if due { (self.line.0.len(), self.point.0.len()) } else { self.near };
         if self.lost.strayed {
-            for (r, s) in self.line.0.iter_mut().zip(&mut self.line.1) {
+            for (r, s) in self.line.0[..n].iter_mut().zip(&mut self.line.1) {
                 r.rehome(&self.lines, &mut s.t);
             }
-            for (r, s) in self.point.0.iter_mut().zip(&mut self.point.1) {
+            for (r, s) in self.point.0[..m].iter_mut().zip(&mut self.point.1) {
                 r.rehome(&self.lines, &mut s.t);
             }
-            self.gather.index(&self.lines, &self.line.0, &self.point.0);
+            self.needed.stale = true;
             self.rehomed += 1;
         }
-        if self.search.outdated(&self.lines, &self.now, dt) || self.lost.turned {
-            self.rebuild();
-        }
-        let a = evaluate_lines(&self.settings, &self.lines, &self.now, &self.line.0, &mut self.line.1, &mut self.line.2);
-        let b = evaluate_points(&self.settings, &self.lines, &self.now, &self.point.0, &mut self.point.1, &mut self.point.2);
+        let (lr, ls, lf) = (&mut self.line.0[..n], &mut self.line.1[..n], &mut self.line.2[..n]);
+        let (pr, ps, pf) = (&mut self.point.0[..m], &mut self.point.1[..m], &mut self.point.2[..m]);
+        let a = evaluate_lines(&self.settings, &self.lines, &self.now, lr, ls, lf);
+        let b = evaluate_points(&self.settings, &self.lines, &self.now, pr, ps, pf);
         self.lost.friction += a.friction + b.friction;
         self.lost.damping += a.damping + b.damping;
         self.lost.strayed = a.strayed | b.strayed;
         self.lost.turned = a.turned;
-        self.gather.sum(&self.lines, &self.now, &self.line.0, &self.line.2, &self.point.0, &self.point.2);
         self.force.fill(DVec3::ZERO);
         let force = &mut self.force;
-        self.gather.scatter(&self.lines, |row, f| force[row] += f);
+        scatter(&self.lines, &self.now, (lr, lf), (pr, pf), |row, f| force[row] += f);
+        if due {
+            self.inner.begin(&self.search, &self.lines, &self.now, &self.x, dt);
+            self.near =
+                (self.inner.divide_lines(&self.search, &self.lines, &self.now, lr, ls), self.inner.divide_points(&self.search, pr, ps));
+            self.needed.stale = true;
+        }
     }
 
     /// Forces after the closest points have settled, without any change of history in time.

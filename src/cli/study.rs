@@ -63,7 +63,7 @@ pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure>
             options.folder.display()
         ));
     }
-    catch_interrupts();
+    catch_interrupts("stopping; rows that have finished are kept, and --resume goes on with the others");
     let done = study::perform(&plan, &options, &claim, &interrupted, &mut |event| progress.hear(event));
     progress.clear();
     let done = done?;
@@ -115,7 +115,7 @@ impl<'a> Progress<'a> {
             }
             Event::Started(run) => self.eta.started(run, now),
             Event::Ended(run, ended) => {
-                self.eta.ended(run, now);
+                self.eta.ended(run, now, ended.summary.is_none());
                 self.ended += 1;
                 let outcome = if ended.summary.is_some() {
                     format!("done in {}", duration_text(ended.record.process_s))

@@ -197,10 +197,10 @@ impl Scale {
         Scale { range, ticks: ticks(range, log), log }
     }
 
-    /// A linear coordinate with a tick at 0, 1, 2, ..., for things that are counted.
-    pub(crate) fn counted(count: usize) -> Self {
+    /// A linear coordinate with a tick at 0, 1, 2, ..., for things that are counted, with some `air` above.
+    pub(crate) fn counted(count: usize, air: f64) -> Self {
         let ticks = (0..count).map(|i| i as f64).collect();
-        Scale { range: (-0.6, count.max(1) as f64 - 0.4), ticks, log: false }
+        Scale { range: (-0.6, count.max(1) as f64 - 0.4 + air), ticks, log: false }
     }
 }
 

@@ -33,9 +33,9 @@ impl Eta {
         self.running.insert(run, now);
     }
 
-    /// A run has ended.
-    pub fn ended(&mut self, run: usize, now: Instant) {
-        if let Some(begin) = self.running.remove(&run) {
+    /// A run has ended; one that has failed says nothing of the speed.
+    pub fn ended(&mut self, run: usize, now: Instant, failed: bool) {
+        if let Some(begin) = self.running.remove(&run).filter(|_| !failed) {
             self.done.0 += self.costs[run];
             self.done.1 += (now - begin).as_secs_f64();
         }
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(eta.remaining(begin), None);
         eta.started(0, begin);
         eta.started(1, begin);
-        eta.ended(1, after(20));
+        eta.ended(1, after(20), false);
         // Half a second per unit: run 0 has 30 s to go, run 2 (the mean, 45) 22.5 s, 3 and 4 20 s together.
         let r = eta.remaining(after(20)).unwrap().as_secs_f64();
         assert!((r - 0.5 * (30.0 + 22.5 + 20.0)).abs() < 1e-9, "{r}");
@@ -81,7 +81,7 @@ mod tests {
             eta.kept(run);
         }
         assert!((eta.remaining(after(20)).unwrap().as_secs_f64() - 30.0).abs() < 1e-9);
-        eta.ended(0, after(60));
-        assert_eq!(eta.remaining(after(60)), Some(Duration::ZERO));
+        eta.ended(0, after(30), true);
+        assert_eq!(eta.remaining(after(30)), Some(Duration::ZERO));
     }
 }

@@ -4,17 +4,18 @@
 //! |---|---|
 //! | the study file: every key | `schema.rs` |
 //! | text to [`Study`], checks without scenes | `read.rs` |
-//! | rows, runs, folders, references, expected cost | `plan.rs` |
+//! | rows, runs, folders, references, expected cost | `draft.rs`, `plan.rs` |
 //! | one process per run, several at a time | `execute.rs` |
 //! | `row.json`: what a run was made from, for `--resume` | `record.rs` |
 //! | remaining time | `eta.rs` |
 //! | values with intervals, errors, front of time and error, convergence | `results.rs`, `convergence.rs` |
 //! | `study.json`, `study.csv` | `tables.rs` |
-//! | plots and `report.html` | `chart.rs`, `plots.rs`, `report.rs`, `text.rs` |
+//! | plots and `report.html` | `chart.rs`, `scatter.rs`, `plots.rs`, `report.rs`, `text.rs` |
 //!
 //! A study knows scenes and summaries only: nothing of elements, contacts or steps.
 pub mod chart;
 pub mod convergence;
+mod draft;
 pub mod eta;
 mod execute;
 mod plan;
@@ -23,6 +24,7 @@ mod read;
 mod record;
 mod report;
 pub mod results;
+pub mod scatter;
 mod schema;
 mod tables;
 mod text;

@@ -1,8 +1,9 @@
 //! The diagrams of a study.
 use super::StudyError;
-use super::chart::{Mark, Point, RowChart, Scatter};
+use super::chart::{Mark, RowChart};
 use super::plan::Plan;
 use super::results::{Results, RowResult, Value};
+use super::scatter::{Point, Scatter};
 use super::schema::{ErrorSpec, PublishedSpec};
 use crate::output::OutputError;
 use crate::output::file::write_atomic;
@@ -119,7 +120,7 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
         add("error_over_time".into(), error_over_time(results));
     }
     if !results.convergence.is_empty() {
-        add("convergence".into(), convergence(results));
+        add("convergence".into(), convergence(plan, results));
     }
     all
 }
@@ -138,7 +139,7 @@ fn error_over_time(results: &Results) -> String {
 }
 
 /// Changes over the number of the point; labels need not be numbers.
-fn convergence(results: &Results) -> String {
+fn convergence(plan: &Plan, results: &Results) -> String {
     let series = results.convergence.iter().map(|c| {
         let points = c.changes.iter().enumerate().filter_map(|(i, v)| Some((place(&c.points[i], i), 100.0 * (*v)?)));
         let label = c.labels.iter().chain([&c.outcome]).cloned().collect::<Vec<_>>().join(", ");
@@ -146,7 +147,7 @@ fn convergence(results: &Results) -> String {
     });
     let plot = Plot {
         title: "Change from the point before".into(),
-        x: Axis::linear("point"),
+        x: Axis::linear(plan.file.study.convergence.clone().unwrap_or_default()),
         y: Axis::log("change [%]"),
         series: series.collect(),
     };

@@ -5,7 +5,8 @@ use super::plots::{Drawn, published};
 use super::results::{Results, RowResult, Value};
 use super::schema::{ErrorSpec, PublishedSpec};
 use super::tables::{Machine, State};
-use super::text::{escape, number, percent, seconds, signed_percent, with_interval};
+use super::text;
+use super::text::{escape, number, seconds, signed_percent, with_interval};
 use crate::output::file::write_atomic;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -21,10 +22,11 @@ th, td { padding: 0.25rem 0.6rem; text-align: right; border-bottom: 1px solid #d
 th:first-child, td:first-child, td.text, th.text { text-align: left; }
 td.text { white-space: normal; }
 tr.reference td { background: #e8f5ef; } tr.others td { color: #777; font-style: italic; border-bottom-style: dotted; }
-td.front { color: #b34700; font-weight: 600; } td.failed { color: #b00020; }
+small { color: #666; } td.front { color: #b34700; font-weight: 600; } td.failed { color: #b00020; }
 figure { margin: 0.8rem 0; break-inside: avoid; } svg { max-width: 100%; height: auto; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.8rem; white-space: pre-wrap; }
-@media print { body { margin: 0; max-width: none; font-size: 11px; } div.wide { overflow: visible; } th, td { white-space: normal; padding: 0.15rem 0.3rem; } tr { break-inside: avoid; } h2 { break-after: avoid; } }
+@page { margin: 14mm; }
+@media print { html { font-size: 11px; } body { margin: 0; padding: 0; max-width: none; font-size: 11px; } div.wide { overflow: visible; } th, td { white-space: normal; padding: 0.15rem 0.3rem; } tr { break-inside: avoid; } h2 { break-after: avoid; } }
 ";
 
 /// Writes the page.
@@ -76,15 +78,16 @@ fn inline(svg: &str) -> String {
     svg.replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1)
 }
 
+fn percent(fraction: f64) -> String {
+    escape(&text::percent(fraction))
+}
+
 fn table(plan: &Plan, results: &Results) -> String {
     let study = &plan.file.study;
     let compared = results.rows.iter().any(|r| r.reference.is_some());
     let mut h = String::from("<div class=\"wide\"><table>\n<tr><th>row</th>");
     for o in &study.outcomes {
         let _ = write!(h, "<th>{} [{}]</th>", escape(&o.name), escape(&plan.units[&o.name]));
-        if compared {
-            h += "<th>difference</th>";
-        }
     }
     if compared {
         h += "<th>cumulated error</th>";
@@ -94,10 +97,7 @@ fn table(plan: &Plan, results: &Results) -> String {
         let class = if row.is_reference { " class=\"reference\"" } else { "" };
         let _ = write!(h, "<tr{class}><td>{}</td>", escape(&row.label()));
         for v in &row.outcomes {
-            let _ = write!(h, "<td>{}</td>", with_interval(v.value, v.ci95));
-            if compared {
-                let _ = write!(h, "<td>{}</td>", difference(v));
-            }
+            let _ = write!(h, "<td>{}{}</td>", with_interval(v.value, v.ci95), difference(v));
         }
         if compared {
             let class = if row.front { " class=\"front\"" } else { "" };
@@ -119,7 +119,7 @@ fn table(plan: &Plan, results: &Results) -> String {
     h += "</table></div>\n<p>Values are means ± half the width of their 95 % interval (Student's t)";
     h += if study.replicates.is_some() { ", over the repetitions." } else { ", over the places at which a run measures them." };
     if compared {
-        h += " Differences are relative to the reference (green rows); those in its interval are marked with •. \
+        h += " Below them differences, relative to the reference (green rows); values in its interval are marked with •. \
               Nothing is better in both time and error than the rows with an orange error.";
     }
     let notes: Vec<String> = study.published.iter().filter(|p| !p.note.is_empty()).map(|p| escape(&p.note)).collect();
@@ -129,19 +129,17 @@ fn table(plan: &Plan, results: &Results) -> String {
 
 fn difference(v: &Value) -> String {
     let mark = if v.within == Some(true) { " •" } else { "" };
-    v.difference.map_or("–".into(), |d| format!("{}{mark}", signed_percent(d)))
+    v.difference.map_or(String::new(), |d| format!("<br><small>{}{mark}</small>", escape(&signed_percent(d))))
 }
 
 /// A line with the numbers of others for a row.
 fn others(plan: &Plan, p: &PublishedSpec, compared: bool) -> String {
     let mut h = format!("<tr class=\"others\"><td>{}</td>", escape(&p.source));
     for o in &plan.file.study.outcomes {
-        let v = p.values.get(&o.name);
-        let _ = write!(h, "<td>{}</td>", v.map_or(String::new(), |v| with_interval(Some(v.value), v.ci95)));
-        if compared {
-            // Of an error the sign is not known.
-            let _ = write!(h, "<td>{}</td>", p.errors.get(&o.name).map_or(String::new(), |e| format!("±{}", percent(e.0))));
-        }
+        let value = p.values.get(&o.name).map(|v| with_interval(Some(v.value), v.ci95));
+        // Of an error the sign is not known.
+        let error = p.errors.get(&o.name).map(|e| format!("<small>±{}</small>", percent(e.0)));
+        let _ = write!(h, "<td>{}</td>", value.into_iter().chain(error).collect::<Vec<_>>().join("<br>"));
     }
     if compared {
         let _ = write!(h, "<td>{}</td>", p.cumulated.map_or(String::new(), |c| percent(c.0)));

@@ -149,7 +149,7 @@ fn row(plan: &Plan, index: usize, runs: &[(&Run, &Option<Ended>)]) -> RowResult 
     let outcomes = plan.file.study.outcomes.iter().map(|o| {
         let values: Vec<Estimate> = summaries.iter().filter_map(|s| estimate(s, &o.name)).collect();
         let unit = plan.units.get(&o.name).cloned().unwrap_or_default();
-        let e = over_repetitions(&values);
+        let e = over_repetitions(&values, runs.len());
         Value {
             outcome: o.name.clone(),
             unit,
@@ -205,10 +205,12 @@ fn estimate(summary: &Summary, name: &str) -> Option<Estimate> {
     }
 }
 
-/// Of several runs the mean of their values with Student's interval; of one run what it says itself.
-pub fn over_repetitions(runs: &[Estimate]) -> Option<Estimate> {
+/// Of several runs the mean of their values with Student's interval; of a run that has no repetitions what
+/// it says itself. `planned` is the number of runs that there should be: what is left of several has no interval.
+pub fn over_repetitions(runs: &[Estimate], planned: usize) -> Option<Estimate> {
     match runs {
         [] => None,
+        [one] if planned > 1 => Some(Estimate { mean: one.mean, ci95: None, n: 1 }),
         [one] => Some(*one),
         several => Some(Estimate::of(&several.iter().map(|e| e.mean).collect::<Vec<_>>())),
     }
@@ -262,10 +264,11 @@ mod tests {
     #[test]
     fn repetitions_replace_the_interval_of_a_run() {
         let run = |mean| Estimate { mean, ci95: Some(0.5), n: 12 };
-        assert_eq!(over_repetitions(&[]), None);
-        assert_eq!(over_repetitions(&[run(36.0)]), Some(run(36.0)));
+        assert_eq!(over_repetitions(&[], 1), None);
+        assert_eq!(over_repetitions(&[run(36.0)], 1), Some(run(36.0)));
         // Student's quantile for two degrees of freedom is 4.302652730; s of 1, 2, 3 is 1.
-        let e = over_repetitions(&[run(1.0), run(2.0), run(3.0)]).unwrap();
+        assert_eq!(over_repetitions(&[run(36.0)], 3), Some(Estimate { mean: 36.0, ci95: None, n: 1 }));
+        let e = over_repetitions(&[run(1.0), run(2.0), run(3.0)], 3).unwrap();
         assert_eq!((e.mean, e.n), (2.0, 3));
         assert!((e.ci95.unwrap() - 4.302652730 / 3.0f64.sqrt()).abs() < 1e-8);
     }

@@ -177,14 +177,13 @@ pub fn table(plan: &Plan, results: &Results) -> String {
     }
     head.extend(compared.then(|| "error".to_owned()));
     head.extend(["time".to_owned(), "status".to_owned()]);
-    let plain = |s: String| s.replace("&lt;", "<");
     let line = |r: &RowResult| {
         let mut line = vec![r.label()];
         for v in &r.outcomes {
             line.push(with_interval(v.value, v.ci95));
-            line.extend(compared.then(|| plain(v.difference.map_or("–".into(), signed_percent))));
+            line.extend(compared.then(|| v.difference.map_or("–".into(), signed_percent)));
         }
-        line.extend(compared.then(|| plain(r.cumulated.map_or("–".into(), percent))));
+        line.extend(compared.then(|| r.cumulated.map_or("–".into(), percent)));
         line.extend([r.wall_s.map_or("–".into(), seconds), r.status()]);
         line
     };

@@ -50,7 +50,7 @@ pub fn with_interval(value: Option<f64>, half: Option<f64>) -> String {
 pub fn percent(fraction: f64) -> String {
     let p = 100.0 * fraction;
     let decimals = match p.abs() {
-        a if a < 0.005 && a > 0.0 => return "&lt; 0.01 %".into(),
+        a if a < 0.005 && a > 0.0 => return "< 0.01 %".into(),
         a if a < 10.0 => 2,
         a if a < 100.0 => 1,
         _ => 0,
@@ -61,7 +61,7 @@ pub fn percent(fraction: f64) -> String {
 /// A signed fraction in percent.
 pub fn signed_percent(fraction: f64) -> String {
     let text = percent(fraction.abs());
-    if fraction == 0.0 || text.starts_with('&') { text } else { format!("{}{text}", if fraction < 0.0 { '−' } else { '+' }) }
+    if fraction == 0.0 || text.starts_with('<') { text } else { format!("{}{text}", if fraction < 0.0 { '-' } else { '+' }) }
 }
 
 /// Seconds in words.
@@ -90,8 +90,8 @@ mod tests {
         assert_eq!(with_interval(Some(3.6436), None), "3.6436");
         assert_eq!(with_interval(Some(2.0), Some(0.0)), "2.0000 ± 0");
         assert_eq!(with_interval(None, Some(1.0)), "–");
-        assert_eq!([0.137, 0.0033, 1.93, 0.0, 1e-6].map(percent), ["13.7 %", "0.33 %", "193 %", "0.00 %", "&lt; 0.01 %"]);
-        assert_eq!([-0.199, 0.0055].map(signed_percent), ["−19.9 %", "+0.55 %"]);
+        assert_eq!([0.137, 0.0033, 1.93, 0.0, 1e-6].map(percent), ["13.7 %", "0.33 %", "193 %", "0.00 %", "< 0.01 %"]);
+        assert_eq!([-0.199, 0.0055].map(signed_percent), ["-19.9 %", "+0.55 %"]);
         assert_eq!([0.042, 29.2, 125.0, 9000.0].map(seconds), ["0.04 s", "29 s", "2.1 min", "2.5 h"]);
     }
 

@@ -39,7 +39,7 @@ pub(super) const OWN: RGBColor = COLOURS[0];
 pub(super) const REFERENCE: RGBColor = COLOURS[2];
 pub(super) const FRONT: RGBColor = COLOURS[1];
 /// Width of a character of the labels and height of a row, in pixels.
-const CHARACTER: u32 = 8;
+const CHARACTER: u32 = 9;
 const HEIGHT: u32 = 30;
 
 /// Place on an axis; none where it has none.
@@ -57,7 +57,7 @@ impl RowChart {
         {
             let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
             root.fill(&WHITE).expect(SVG);
-            self.draw(&root, (CHARACTER * longest + 16).min(width / 2));
+            self.draw(&root, (CHARACTER * longest + 20).min(width / 2));
             root.present().expect(SVG);
         }
         svg
@@ -72,7 +72,9 @@ impl RowChart {
     fn interval(&self, value: f64, half: Option<f64>) -> Option<[f64; 3]> {
         let middle = place(&self.x, value)?;
         let half = half.unwrap_or(0.0);
-        let ends = [value - half, value + half].map(|v| place(&self.x, v).unwrap_or(middle));
+        // What is drawn as a bar has no side below zero.
+        let least = if self.bars { 0.0f64.min(value) } else { f64::NEG_INFINITY };
+        let ends = [(value - half).max(least), value + half].map(|v| place(&self.x, v).unwrap_or(middle));
         Some([ends[0], middle, ends[1]])
     }
 
@@ -83,9 +85,10 @@ impl RowChart {
         let bands = self.rows.iter().filter_map(|r| r.band).flat_map(|b| [b.0, b.1]).filter_map(|v| place(&self.x, v));
         let zero = (self.bars && !self.x.log).then_some(0.0);
         let all: Vec<f64> = marks.iter().flatten().flatten().copied().chain(others).chain(bands).chain(zero).collect();
-        let (mut low, high) = range(all.into_iter(), self.x.log, 0.05);
-        if self.bars && !self.x.log {
-            low = low.min(0.0).max(if low < 0.0 && marks.iter().flatten().all(|m| m[0] >= 0.0) { 0.0 } else { low });
+        let (mut low, high) = range(all.iter().copied(), self.x.log, 0.05);
+        // Bars stand on zero, without air below it.
+        if zero.is_some() && all.iter().all(|v| *v >= 0.0) {
+            low = 0.0;
         }
         let mut builder = ChartBuilder::on(area);
         builder.margin(10).margin_right(28).x_label_area_size(42).y_label_area_size(labels);

@@ -7,7 +7,7 @@ use super::scatter::{Point, Scatter};
 use super::schema::{ErrorSpec, PublishedSpec};
 use crate::output::OutputError;
 use crate::output::file::write_atomic;
-use crate::output::plot::{Axis, Plot, Series, line_plot};
+use crate::output::plot::{Axis, Plot, Series, panels};
 use std::path::Path;
 
 /// Width of the diagrams in pixels.
@@ -138,20 +138,24 @@ fn error_over_time(results: &Results) -> String {
     scatter.svg((WIDTH, 480))
 }
 
-/// Changes over the number of the point; labels need not be numbers.
+/// Changes along the axis, a diagram per outcome.
 fn convergence(plan: &Plan, results: &Results) -> String {
-    let series = results.convergence.iter().map(|c| {
-        let points = c.changes.iter().enumerate().filter_map(|(i, v)| Some((place(&c.points[i], i), 100.0 * (*v)?)));
-        let label = c.labels.iter().chain([&c.outcome]).cloned().collect::<Vec<_>>().join(", ");
-        Series::dots(label, points.collect())
-    });
-    let plot = Plot {
-        title: "Change from the point before".into(),
-        x: Axis::linear(plan.file.study.convergence.clone().unwrap_or_default()),
-        y: Axis::log("change [%]"),
-        series: series.collect(),
+    let study = &plan.file.study;
+    let plot = |name: &String| {
+        let of_outcome = results.convergence.iter().filter(|c| c.outcome == *name);
+        let series = of_outcome.map(|c| {
+            let points = c.changes.iter().enumerate().filter_map(|(i, v)| Some((place(&c.points[i], i), 100.0 * (*v)?)));
+            Series::dots(c.labels.join(", "), points.collect())
+        });
+        Plot {
+            title: format!("Change of {name} from the point before"),
+            x: Axis::linear(study.convergence.clone().unwrap_or_default()),
+            y: Axis::log("change [%]"),
+            series: series.collect(),
+        }
     };
-    line_plot(&plot, (WIDTH, 420))
+    let plots: Vec<Plot> = study.outcomes.iter().map(|o| plot(&o.name)).collect();
+    panels(&plots, (WIDTH, 300 * plots.len() as u32))
 }
 
 /// A label that is a number is its own place, any other its number in the order of the axis.

@@ -1,4 +1,13 @@
 //! `study.json`: everything; `study.csv`: a line per row.
+//!
+//! | key of `study.json` | meaning |
+//! |---|---|
+//! | `title`, `study`, `text` | title, name, and the study file as it stands |
+//! | `state` | see [`State`] |
+//! | `machine` | see [`Machine`] |
+//! | `scene`, `sets`, `axes`, `reference`, `seeds` | what is common to the rows, and what they differ in |
+//! | `outcomes`, `published` | what is compared and how; numbers of others |
+//! | `results` | `rows` (see [`RowResult`]) and `convergence` |
 use super::StudyError;
 use super::plan::Plan;
 use super::results::{Results, RowResult};

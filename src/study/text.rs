@@ -38,8 +38,8 @@ pub fn with_interval(value: Option<f64>, half: Option<f64>) -> String {
     let Some(v) = value else { return "–".into() };
     let Some(h) = half.filter(|h| h.is_finite()) else { return number(v) };
     let (size, place) = (v.abs().max(h).log10().floor(), h.log10().floor());
-    // An interval of nothing, or far smaller or larger than usual, is written by itself.
-    if h == 0.0 || !(-4.0..6.0).contains(&size) || size - place > 8.0 {
+    // An interval of nothing, or one far smaller than the digits of a value, is written by itself.
+    if h == 0.0 || !(-4.0..6.0).contains(&size) || size - place > 4.0 {
         return format!("{} ± {}", number(v), digits(h, 2));
     }
     let decimals = (1.0 - place).clamp(0.0, 12.0) as usize;
@@ -89,6 +89,7 @@ mod tests {
         assert_eq!(with_interval(Some(1234.5), Some(250.0)), "1234 ± 250");
         assert_eq!(with_interval(Some(3.6436), None), "3.6436");
         assert_eq!(with_interval(Some(2.0), Some(0.0)), "2.0000 ± 0");
+        assert_eq!(with_interval(Some(0.110885368), Some(4.7e-8)), "0.11089 ± 4.7e-8");
         assert_eq!(with_interval(None, Some(1.0)), "–");
         assert_eq!([0.137, 0.0033, 1.93, 0.0, 1e-6].map(percent), ["13.7 %", "0.33 %", "193 %", "0.00 %", "< 0.01 %"]);
         assert_eq!([-0.199, 0.0055].map(signed_percent), ["-19.9 %", "+0.55 %"]);

@@ -141,6 +141,14 @@ fn resume_keeps_what_is_finished_and_nothing_is_overwritten() {
     assert!(out.contains("4, 10 mN"), "the table has all rows: {out}");
     assert_eq!(std::fs::read_to_string(record("4-10_mN")).unwrap(), first);
     assert!(record("2-20_mN").exists() && !dir.path().join("r/rows/2-20_mN/left over").exists());
+    // A kept row of another build of the same version is named.
+    let build = json(&record("as_it_is"))["build"].as_str().unwrap().to_owned();
+    let text = std::fs::read_to_string(record("as_it_is")).unwrap();
+    std::fs::write(record("as_it_is"), text.replace(&build, "0123456789abcdef")).unwrap();
+    let (code, _, err) = run(&["--resume"]);
+    assert!(code == 0 && err.contains("note: 1 of the kept runs were made by another build of this version"), "{err}");
+    let page = std::fs::read_to_string(dir.path().join("r/report.html")).unwrap();
+    assert!(page.contains("made by 2 builds of this version"));
     // New rows are run beside the kept ones.
     std::fs::write(dir.path().join("steps.ron"), STUDY.replace("(label: \"as it is\")", "(label: \"as it is\"), (label: \"new\")"))
         .unwrap();

@@ -63,6 +63,9 @@ pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure>
             options.folder.display()
         ));
     }
+    if let (n @ 1.., false) = (claim.of_other_builds(), args.quiet) {
+        line(&format!("note: {n} of the kept runs were made by another build of this version"));
+    }
     catch_interrupts("stopping; rows that have finished are kept, and --resume goes on with the others");
     let done = study::perform(&plan, &options, &claim, &interrupted, &mut |event| progress.hear(event));
     progress.clear();

@@ -71,6 +71,13 @@ pub struct Claim {
     _lock: File,
 }
 
+impl Claim {
+    /// Kept runs that another build of this version has made: their numbers may differ.
+    pub fn of_other_builds(&self) -> usize {
+        self.kept.iter().flatten().filter(|e| e.record.build != self.build).count()
+    }
+}
+
 /// Takes the folder of a study, and looks which of its runs have ended already.
 ///
 /// # Errors
@@ -219,7 +226,8 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
     if status.code() == Some(STOPPED) || (stop() && !status.success()) {
         return Ok(None);
     }
-    let mut record = Record { exit_code: status.code(), process_s: begin.elapsed().as_secs_f64(), ..Record::of(plan, run, build) };
+    let (exit_code, process_s) = (status.code(), begin.elapsed().as_secs_f64());
+    let mut record = Record { exit_code, process_s, jobs: options.jobs, ..Record::of(plan, run, build) };
     let summary = if status.success() { record::summary(&folder) } else { Err(message(&log, &status.to_string())) };
     let summary = match summary {
         Ok(summary) => {

@@ -41,6 +41,8 @@ pub struct Record {
     pub version: String,
     /// Start of the BLAKE3 of the executable: two builds of one version differ in it.
     pub build: String,
+    /// Runs at a time in the study that made it; its wall time is of a machine shared by so many.
+    pub jobs: usize,
     /// Wall time from the start of the process to its end (s).
     pub process_s: f64,
 }
@@ -60,6 +62,7 @@ impl Record {
             sets: plan.sets(run),
             version: env!("CARGO_PKG_VERSION").into(),
             build: build.into(),
+            jobs: 1,
             process_s: 0.0,
         }
     }

@@ -23,6 +23,7 @@ pub mod scene;
 pub mod simulation;
 pub mod state;
 pub mod step;
+pub mod study;
 pub mod verify;
 
 // The physics lives beside the engine, in a folder of its own that uses nothing but the prelude:

@@ -3,6 +3,7 @@ use crate::output::OutputError;
 use crate::scene::LoadedScene;
 use crate::scene::error::SceneErrors;
 use crate::simulation::SimulationError;
+use crate::study::StudyError;
 use std::io::{IsTerminal, Write};
 
 /// Why a command did not finish.
@@ -16,6 +17,10 @@ pub enum Failure {
     Simulation(SimulationError),
     /// A result cannot be written.
     Output(OutputError),
+    /// A study cannot be run.
+    Study(StudyError),
+    /// So many runs of a study have failed.
+    Rows(usize),
     /// So many known answers were missed.
     Short(usize),
     /// The user has stopped the run; its results are kept.
@@ -38,7 +43,8 @@ impl Failure {
             Failure::Scene(e) => e.category.exit_code(),
             Failure::Simulation(SimulationError::Numerical { .. }) => 5,
             Failure::Simulation(_) => 3,
-            Failure::Output(_) => 4,
+            Failure::Output(_) | Failure::Study(_) => 4,
+            Failure::Rows(_) => 5,
             Failure::Short(_) => 6,
             Failure::Interrupted => 130,
         }
@@ -49,9 +55,15 @@ impl Failure {
             Failure::Usage(e) => format!("error: {e}"),
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
-            Failure::Output(e @ OutputError::Occupied { .. }) => {
-                format!("error: {e}\n  help: choose another folder with --out DIR, or add --force to move the old results aside")
+            Failure::Output(e @ OutputError::Occupied { path }) => {
+                let resume = if path.join("study.json").exists() { ", --resume to go on with it" } else { "" };
+                format!("error: {e}\n  help: choose another folder with --out DIR{resume}, or add --force to move the old results aside")
             }
+            Failure::Study(e @ StudyError::Changed(_)) => {
+                format!("error: {e}\n  help: choose another folder with --out DIR, or add --force instead of --resume to run all rows anew")
+            }
+            Failure::Study(e) => format!("error: {e}"),
+            Failure::Rows(n) => format!("{n} run{} failed; what came out of the others is kept", if *n == 1 { "" } else { "s" }),
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),
             Failure::Interrupted => "stopped before its end; the results so far are kept".into(),

@@ -6,7 +6,7 @@
 //! | 2 | usage: unknown option, malformed or unknown `--set` |
 //! | 3 | the scene is invalid |
 //! | 4 | a file cannot be read or written |
-//! | 5 | numerical failure during the run; what was computed is kept |
+//! | 5 | numerical failure during the run, or a failed row of a study; what was computed is kept |
 //! | 6 | a scene with known answers misses one |
 //! | 130 | stopped with Ctrl-C; what was computed is kept |
 mod bench;
@@ -16,6 +16,7 @@ mod processor;
 mod progress;
 mod report;
 mod run;
+mod study;
 mod verify;
 
 pub use message::Failure;
@@ -49,6 +50,8 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Run scenes with known answers and print how near the program comes to them.
     Verify(verify::VerifyArgs),
+    /// Run a scene in many variants and compare what comes out.
+    Study(study::StudyArgs),
 }
 
 /// The scene and changes to it.
@@ -96,6 +99,7 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Check(args)), _) => check::check(&args, plugins),
         (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
+        (Some(Command::Study(args)), _) => study::run(&args, plugins),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };

@@ -137,14 +137,15 @@ pub(super) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// The first Ctrl-C lets the run stop in order, with all its files; the second one ends the program.
-pub(super) fn catch_interrupts() {
+/// The first Ctrl-C lets the run stop in order, with all its files, and is answered with `notice`; the second
+/// one ends the program.
+pub(super) fn catch_interrupts(notice: &'static str) {
     // Where no handler can be set, Ctrl-C ends the program as ever.
-    let _ = ctrlc::set_handler(|| {
+    let _ = ctrlc::set_handler(move || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        message::line("stopping after this step; press Ctrl-C again to give up the results");
+        message::line(notice);
     });
 }
 

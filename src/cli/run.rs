@@ -64,7 +64,7 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
     // Often enough for the progress to move, and for the recorder.
     let interval = recorder.interval(dt).min(duration.unwrap_or(f64::INFINITY) / 400.0);
     let progress = Progress::new(duration, loaded.scene.units.time(), args.quiet);
-    catch_interrupts();
+    catch_interrupts("stopping after this step; press Ctrl-C again to give up the results");
     let mut watcher = Watcher { recorder: &mut recorder, progress };
     let ended = run::continue_run(&mut sim, model, interval, &mut watcher);
     watcher.progress.clear();

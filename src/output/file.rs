@@ -53,10 +53,10 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     })
 }
 
-/// What marks a folder as the results of a run.
-const MARKS: [&str; 3] = ["summary.json", "history.csv", "results.pvd"];
+/// What marks a folder as the results of a run or a study.
+const MARKS: [&str; 4] = ["summary.json", "history.csv", "results.pvd", "study.json"];
 
-/// True if `folder` holds the results of a run.
+/// True if `folder` holds the results of a run or a study.
 pub fn holds_results(folder: &Path) -> bool {
     MARKS.iter().any(|m| folder.join(m).exists())
 }

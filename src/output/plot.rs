@@ -74,7 +74,7 @@ pub struct Plot {
 }
 
 /// Colours of the curves (Okabe and Ito 2008, without the yellow that white paper swallows).
-const COLOURS: [RGBColor; 7] = [
+pub(crate) const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -104,7 +104,7 @@ pub fn panels(plots: &[Plot], size: (u32, u32)) -> String {
 }
 
 /// Why drawing cannot fail.
-const SVG: &str = "writing SVG to memory does not fail";
+pub(crate) const SVG: &str = "writing SVG to memory does not fail";
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
@@ -185,15 +185,22 @@ fn emptiest_corner(curves: &[Vec<[f64; 4]>], x: (f64, f64), y: (f64, f64)) -> Se
 }
 
 /// A linear coordinate with its own ticks and labels.
-struct Scale {
+pub(crate) struct Scale {
     range: (f64, f64),
     ticks: Vec<f64>,
     log: bool,
 }
 
 impl Scale {
-    fn new(range: (f64, f64), log: bool) -> Self {
+    /// A coordinate over a range; of a decadic one the range of the logarithms.
+    pub(crate) fn new(range: (f64, f64), log: bool) -> Self {
         Scale { range, ticks: ticks(range, log), log }
+    }
+
+    /// A linear coordinate with a tick at 0, 1, 2, ..., for things that are counted, with some `air` above.
+    pub(crate) fn counted(count: usize, air: f64) -> Self {
+        let ticks = (0..count).map(|i| i as f64).collect();
+        Scale { range: (-0.6, count.max(1) as f64 - 0.4 + air), ticks, log: false }
     }
 }
 
@@ -219,7 +226,7 @@ impl ValueFormatter<f64> for Scale {
 }
 
 /// Range of the values with some air; never empty.
-fn range(values: impl Iterator<Item = f64>, log: bool, air: f64) -> (f64, f64) {
+pub(crate) fn range(values: impl Iterator<Item = f64>, log: bool, air: f64) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     if low > high {
         return (0.0, 1.0);

@@ -60,6 +60,11 @@ impl SceneError {
         line_and_column(self.source.inner(), self.span.as_ref().map_or(0, |s| s.start))
     }
 
+    /// The file.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
     /// The offending text.
     pub fn word(&self) -> &str {
         self.span.as_ref().map_or("", |s| &self.source.inner()[s.clone()])

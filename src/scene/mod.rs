@@ -16,6 +16,7 @@ pub mod spans;
 pub mod units;
 
 pub use read::{LoadedScene, MAX_BYTES, load, load_text};
+pub(crate) use read::{path_of, text_of};
 
 /// The RON dialect of scenes: `Some` and newtype names may be left out.
 pub fn ron_options() -> ron::Options {

@@ -74,22 +74,27 @@ fn resolved_text(scene: &Scene) -> String {
 /// Everything that is wrong with the file, with its place.
 pub fn load(path: impl AsRef<std::path::Path>, sets: &[(String, String)], registry: &Registry) -> Result<LoadedScene, SceneErrors> {
     let path = path.as_ref();
+    let text = text_of(path, "scene")?;
+    load_text(&path.display().to_string(), text, sets, registry)
+}
+
+/// The text of a file; `what` it is stands in messages.
+pub(crate) fn text_of(path: &std::path::Path, what: &str) -> Result<String, SceneErrors> {
     let name = path.display().to_string();
-    let file_error = |e: std::io::Error| SceneErrors::plain(Category::File, &name, format!("cannot read the scene: {e}"), None);
+    let file_error = |e: std::io::Error| SceneErrors::plain(Category::File, &name, format!("cannot read the {what}: {e}"), None);
     let about = std::fs::metadata(path).map_err(file_error)?;
     if about.is_dir() {
-        return Err(SceneErrors::plain(Category::File, &name, "cannot read the scene: it is a folder", None));
+        return Err(SceneErrors::plain(Category::File, &name, format!("cannot read the {what}: it is a folder"), None));
     }
     if about.len() > MAX_BYTES {
-        let help = format!("scenes are read up to {} MiB", MAX_BYTES >> 20);
-        return Err(SceneErrors::plain(Category::Scene, &name, format!("the scene is too large: {} bytes", about.len()), Some(help)));
+        let help = format!("files are read up to {} MiB", MAX_BYTES >> 20);
+        return Err(SceneErrors::plain(Category::Scene, &name, format!("the {what} is too large: {} bytes", about.len()), Some(help)));
     }
     let bytes = std::fs::read(path).map_err(file_error)?;
-    let text = String::from_utf8(bytes).map_err(|e| {
+    String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
-        SceneErrors::plain(Category::Scene, &name, format!("the scene is not UTF-8 text: byte {at} cannot be read"), None)
-    })?;
-    load_text(&name, text, sets, registry)
+        SceneErrors::plain(Category::Scene, &name, format!("the {what} is not UTF-8 text: byte {at} cannot be read"), None)
+    })
 }
 
 /// Like [`load`], from text; `name` stands for the file in messages.
@@ -237,7 +242,8 @@ fn without_settings(text: &str, root: &Value, registry: &Registry) -> String {
     own
 }
 
-fn path_of(path: &serde_path_to_error::Path) -> Path {
+/// The path at which a reader stood.
+pub(crate) fn path_of(path: &serde_path_to_error::Path) -> Path {
     use serde_path_to_error::Segment;
     let mut steps = Vec::new();
     for s in path.iter() {

@@ -1,0 +1,255 @@
+//! Runs the rows of a study, each in a process of its own, several at a time.
+//!
+//! A row that fails is recorded and the others go on. Processes keep rows from each other: one that
+//! runs out of memory or is killed takes nothing with it.
+use super::StudyError;
+use super::plan::{Plan, Run};
+use super::record::{self, Ended, Record, Status};
+use crate::output::OutputError;
+use crate::output::file::claim_folder;
+use std::collections::VecDeque;
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, mpsc};
+use std::time::{Duration, Instant};
+
+/// What to do with a folder that holds a study already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Leave it alone.
+    Refuse,
+    /// Keep the rows that have ended and run the others.
+    Resume,
+    /// Move it aside.
+    MoveAside,
+}
+
+/// How a study is run.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The program that runs a scene, `braid-ecs` itself.
+    pub program: PathBuf,
+    /// Folder of the study.
+    pub folder: PathBuf,
+    /// Runs at a time, at least one.
+    pub jobs: usize,
+    /// What to do with an earlier study in the folder.
+    pub existing: Existing,
+}
+
+/// Something that happened to a run, by its index in the plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event<'a> {
+    /// It had ended in an earlier study and is kept.
+    Kept(usize),
+    /// It has been started.
+    Started(usize),
+    /// It has ended.
+    Ended(usize, &'a Ended),
+    /// Nothing happened for a while.
+    Waiting,
+}
+
+/// Time between two looks at a process.
+const LOOK: Duration = Duration::from_millis(20);
+/// Time between two events at least.
+const BEAT: Duration = Duration::from_millis(500);
+
+/// Exit code of a run that was stopped with Ctrl-C.
+const STOPPED: i32 = 130;
+
+/// A folder that belongs to one study at a time.
+#[derive(Debug)]
+pub struct Claim {
+    /// Where an earlier study went.
+    pub aside: Option<PathBuf>,
+    /// Fingerprint of the program.
+    pub build: String,
+    /// What earlier runs have left, in the order of the plan.
+    pub kept: Vec<Option<Ended>>,
+    _lock: File,
+}
+
+impl Claim {
+    /// Kept runs that another build of this version has made: their numbers may differ.
+    pub fn of_other_builds(&self) -> usize {
+        self.kept.iter().flatten().filter(|e| e.record.build != self.build).count()
+    }
+}
+
+/// Takes the folder of a study, and looks which of its runs have ended already.
+///
+/// # Errors
+/// A folder that is in use or holds other results; rows that were made from something else.
+pub fn claim(plan: &Plan, options: &Options) -> Result<Claim, StudyError> {
+    let folder = options.folder.as_path();
+    let build = fingerprint(&options.program)?;
+    let study = folder.join("study.json").exists();
+    if folder.join(LOCK).exists() {
+        drop(lock(folder)?);
+    }
+    // Rows are removed before they are run again: they must be those of a study.
+    if !study && folder.join("rows").exists() {
+        return Err(OutputError::Occupied { path: folder.to_owned() }.into());
+    }
+    let resume = options.existing == Existing::Resume && study;
+    let aside = if resume { None } else { claim_folder(folder, options.existing == Existing::MoveAside)? };
+    let lock = lock(folder)?;
+    let mut changed = Vec::new();
+    let mut kept = Vec::new();
+    for run in &plan.runs {
+        // A failed run is tried again.
+        let ended = record::read(&folder.join(&run.folder))?.filter(|e| e.summary.is_some());
+        if let Some(ended) = &ended {
+            let changes = ended.record.changes(&Record::of(plan, run, &build));
+            if !changes.is_empty() {
+                changed.push((plan.rows[run.row].label(), changes.join("; ")));
+            }
+        }
+        kept.push(ended);
+    }
+    changed.dedup();
+    if changed.is_empty() { Ok(Claim { aside, build, kept, _lock: lock }) } else { Err(StudyError::Changed(changed)) }
+}
+
+const LOCK: &str = ".lock";
+
+fn lock(folder: &Path) -> Result<File, StudyError> {
+    let path = folder.join(LOCK);
+    let fail = |e| StudyError::from(OutputError::io("write", &path, e));
+    let file = File::create(&path).map_err(fail)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StudyError::Busy(folder.to_owned())),
+        // Some file systems know no locks.
+        Err(TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+fn fingerprint(program: &Path) -> Result<String, StudyError> {
+    let fail = |e| StudyError::from(OutputError::io("read", program, e));
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(File::open(program).map_err(fail)?).map_err(fail)?;
+    Ok(hasher.finalize().to_hex()[..16].to_owned())
+}
+
+/// Makes the runs of a plan that have not ended; returns all that have, in the order of the plan.
+/// `stop` is asked several times a second and ends the study, the runs that go on included; `watch`
+/// hears what happens.
+///
+/// # Errors
+/// A program that cannot be started, files that cannot be written, and what `watch` says.
+pub fn execute(
+    plan: &Plan,
+    options: &Options,
+    claim: &Claim,
+    stop: &(dyn Fn() -> bool + Sync),
+    watch: &mut dyn FnMut(Event<'_>) -> Result<(), StudyError>,
+) -> Result<Vec<Option<Ended>>, StudyError> {
+    let mut ended = claim.kept.clone();
+    for i in (0..ended.len()).filter(|i| ended[*i].is_some()) {
+        watch(Event::Kept(i))?;
+    }
+    let queue: VecDeque<usize> = plan.order().into_iter().filter(|i| ended[*i].is_none()).collect();
+    let workers = options.jobs.clamp(1, queue.len().max(1));
+    let queue = Mutex::new(queue);
+    let broken = std::sync::atomic::AtomicBool::new(false);
+    let halt = || stop() || broken.load(std::sync::atomic::Ordering::Relaxed);
+    let next = || if halt() { None } else { queue.lock().unwrap_or_else(|e| e.into_inner()).pop_front() };
+    let (send, receive) = mpsc::channel::<(usize, Option<Result<Option<Ended>, StudyError>>)>();
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            let (send, next, halt) = (send.clone(), &next, &halt);
+            scope.spawn(move || {
+                while let Some(i) = next() {
+                    // The receiver lives until all senders are gone.
+                    let _ = send.send((i, None));
+                    let _ = send.send((i, Some(one(plan, &plan.runs[i], options, &claim.build, halt))));
+                }
+            });
+        }
+        drop(send);
+        let mut first = None;
+        loop {
+            let heard = match receive.recv_timeout(BEAT) {
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+                Err(mpsc::RecvTimeoutError::Timeout) => watch(Event::Waiting),
+                Ok((i, None)) => watch(Event::Started(i)),
+                Ok((_, Some(Ok(None)))) => Ok(()),
+                Ok((i, Some(Ok(Some(e))))) => watch(Event::Ended(i, ended[i].insert(e))),
+                Ok((_, Some(Err(e)))) => Err(e),
+            };
+            if let Err(e) = heard {
+                // The other runs are stopped; the first error is the one to report.
+                broken.store(true, std::sync::atomic::Ordering::Relaxed);
+                first.get_or_insert(e);
+            }
+        }
+        first.map_or(Ok(()), Err)
+    })?;
+    Ok(ended)
+}
+
+/// Makes one run; none if it was stopped.
+fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -> bool) -> Result<Option<Ended>, StudyError> {
+    let folder = options.folder.join(&run.folder);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).map_err(|e| OutputError::io("remove the unfinished run in", &folder, e))?;
+    }
+    std::fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
+    let log = folder.join("log.txt");
+    let file = File::create(&log).map_err(|e| OutputError::io("write", &log, e))?;
+    // Whole paths cannot be taken for options or commands.
+    let whole = |p: &Path| std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
+    let mut command = Command::new(&options.program);
+    command.arg(whole(&plan.rows[run.row].scene));
+    command.args(plan.sets(run).iter().map(|(path, value)| format!("--set={path}={value}")));
+    command.arg("--out").arg(whole(&folder)).args(["--quiet", "--threads", "1"]);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
+    let begin = Instant::now();
+    let start = |e| StudyError::Start { program: options.program.clone(), source: e };
+    let mut child = command.spawn().map_err(start)?;
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(start)? {
+            break status;
+        }
+        if stop() {
+            // It may have ended by itself; both ways it is gone after the wait.
+            let _ = child.kill();
+            let _ = child.wait();
+            return Ok(None);
+        }
+        std::thread::sleep(LOOK);
+    };
+    // Ctrl-C reaches the run, too, and may end it before it ends this study.
+    if status.code() == Some(STOPPED) || (stop() && !status.success()) {
+        return Ok(None);
+    }
+    let (exit_code, process_s) = (status.code(), begin.elapsed().as_secs_f64());
+    let mut record = Record { exit_code, process_s, jobs: options.jobs, ..Record::of(plan, run, build) };
+    let summary = if status.success() { record::summary(&folder) } else { Err(message(&log, &status.to_string())) };
+    let summary = match summary {
+        Ok(summary) => {
+            record.status = Status::Finished;
+            Some(summary)
+        }
+        Err(message) => {
+            record.message = message;
+            None
+        }
+    };
+    record.write(&folder)?;
+    Ok(Some(Ended { record, summary }))
+}
+
+/// Longest message that is kept (characters).
+const MESSAGE: usize = 2000;
+
+/// What a failed run has said, from its error on.
+fn message(log: &Path, status: &str) -> String {
+    let text = std::fs::read(log).map(|b| String::from_utf8_lossy(&b).into_owned()).unwrap_or_default();
+    let from = text.find("error: ").map_or(0, |i| i + "error: ".len());
+    let said: String = text[from..].trim().chars().take(MESSAGE).collect();
+    if said.is_empty() { format!("it ended without a word: {status}") } else { said }
+}

@@ -1,9 +1,11 @@
 //! What can go wrong, how it is said, and the exit code it gives.
+use crate::checkpoint::CheckpointError;
 use crate::output::OutputError;
 use crate::scene::LoadedScene;
 use crate::scene::error::SceneErrors;
 use crate::simulation::SimulationError;
 use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
 
 /// Why a command did not finish.
 #[derive(Debug)]
@@ -18,8 +20,10 @@ pub enum Failure {
     Output(OutputError),
     /// So many known answers were missed.
     Short(usize),
-    /// The user has stopped the run; its results are kept.
-    Interrupted,
+    /// No checkpoint can be used.
+    Checkpoint(CheckpointError),
+    /// The run in this folder was stopped and can be resumed.
+    Stopped(PathBuf),
 }
 
 impl Failure {
@@ -40,7 +44,8 @@ impl Failure {
             Failure::Simulation(_) => 3,
             Failure::Output(_) => 4,
             Failure::Short(_) => 6,
-            Failure::Interrupted => 130,
+            Failure::Checkpoint(_) => 4,
+            Failure::Stopped(_) => 75,
         }
     }
 
@@ -50,11 +55,12 @@ impl Failure {
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
             Failure::Output(e @ OutputError::Occupied { .. }) => {
-                format!("error: {e}\n  help: choose another folder with --out DIR, or add --force to move the old results aside")
+                format!("error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on with an unfinished run: braid-ecs resume DIR")
             }
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),
-            Failure::Interrupted => "stopped before its end; the results so far are kept".into(),
+            Failure::Checkpoint(e) => format!("error: {e}"),
+            Failure::Stopped(folder) => format!("stopped before its end; to go on: braid-ecs resume {}", folder.display()),
         }
     }
 }
@@ -68,6 +74,12 @@ impl From<SceneErrors> for Failure {
 impl From<SimulationError> for Failure {
     fn from(e: SimulationError) -> Self {
         Failure::Simulation(e)
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(e: CheckpointError) -> Self {
+        Failure::Checkpoint(e)
     }
 }
 

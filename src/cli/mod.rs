@@ -8,14 +8,18 @@
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run; what was computed is kept |
 //! | 6 | a scene with known answers misses one |
-//! | 130 | stopped with Ctrl-C; what was computed is kept |
+//! | 75 | stopped (Ctrl-C, SIGTERM, `--time-limit`, `ctl DIR stop`): what was computed is kept, and `resume DIR` goes on |
+//! | 130 | given up with a second Ctrl-C; `resume DIR` goes on from the last checkpoint |
 mod bench;
 mod check;
 mod message;
 mod processor;
 mod progress;
 mod report;
+mod resume;
 mod run;
+mod signals;
+mod status;
 mod verify;
 
 pub use message::Failure;
@@ -29,7 +33,7 @@ use std::process::ExitCode;
 #[derive(Parser, Debug)]
 #[command(name = "braid-ecs", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
 #[command(
-    after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 6 a known answer was missed, 130 stopped with Ctrl-C."
+    after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 6 a known answer was missed, 75 stopped and can be resumed, 130 given up with a second Ctrl-C."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -49,6 +53,12 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Run scenes with known answers and print how near the program comes to them.
     Verify(verify::VerifyArgs),
+    /// Go on with a run that was stopped, from its last checkpoint.
+    Resume(resume::ResumeArgs),
+    /// Tell how far a run has come.
+    Status(status::StatusArgs),
+    /// Stop a run, or have it write a checkpoint or a frame.
+    Ctl(status::ControlArgs),
 }
 
 /// The scene and changes to it.
@@ -75,9 +85,13 @@ fn parse_set(text: &str) -> Result<(String, String), String> {
 impl SceneArgs {
     /// Runs `work` in a pool with the wanted number of threads.
     fn with_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.map_or(0, usize::from)).build();
-        Ok(pool.map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", self.threads.unwrap_or(0))))?.install(work))
+        with_threads(self.threads, work)
     }
+}
+
+fn with_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build();
+    Ok(pool.map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", threads.unwrap_or(0))))?.install(work))
 }
 
 /// The program: reads the arguments, does what they say, returns the exit code. A binary with
@@ -96,6 +110,9 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Check(args)), _) => check::check(&args, plugins),
         (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
+        (Some(Command::Resume(args)), _) => resume::resume(&args, plugins),
+        (Some(Command::Status(args)), _) => status::status(&args),
+        (Some(Command::Ctl(args)), _) => status::control(&args),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };

@@ -9,6 +9,10 @@
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
+mod state;
+
+pub use state::RecorderState;
+
 use super::expected::{Comparison, compare};
 use super::file::{OutputError, write_atomic};
 use super::frame::{contact_frame, frame};
@@ -60,6 +64,8 @@ pub struct Recorder<'a> {
     last: (Option<u64>, Option<u64>),
     begin: Instant,
     cpu_begin: Option<f64>,
+    /// Seconds of earlier parts of the run: wall, processor.
+    before: [f64; 2],
     /// Seconds spent on writing, which do not count for the speed of the steps.
     writing: f64,
     error: Option<OutputError>,
@@ -72,8 +78,19 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// What the operating system says about the first files.
     pub fn new(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Result<Self, OutputError> {
-        let resolved = loaded.resolved();
-        write_atomic(&folder.join("scene.resolved.ron"), resolved.as_bytes())?;
+        let mut recorder = Recorder::without_files(loaded, sim, folder, duration);
+        write_atomic(&folder.join("scene.resolved.ron"), loaded.resolved().as_bytes())?;
+        if recorder.history_sampler.wanted() {
+            let columns = recorder.columns();
+            recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
+        }
+        if recorder.frame_sampler.wanted() {
+            recorder.make_frame_folder()?;
+        }
+        Ok(recorder)
+    }
+
+    fn without_files(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Self {
         let (model, output, units) = (&loaded.model, &loaded.scene.output, loaded.scene.units);
         let lines = Lines::of(model, sim);
         let rows = sim.world.resource::<NodeRows>();
@@ -88,7 +105,7 @@ impl<'a> Recorder<'a> {
             model,
             name: loaded.name(),
             units,
-            provenance: provenance(loaded, &resolved),
+            provenance: provenance(loaded, &loaded.resolved()),
             dummies: dummies.collect(),
             scenery: None,
             probes: Probes::new(probes(loaded), units),
@@ -102,6 +119,7 @@ impl<'a> Recorder<'a> {
             last: (None, None),
             begin: Instant::now(),
             cpu_begin: cpu_seconds(),
+            before: [0.0; 2],
             writing: 0.0,
             error: None,
             lines,
@@ -109,15 +127,31 @@ impl<'a> Recorder<'a> {
         if output.pictures && !recorder.lines.lines.is_empty() {
             recorder.scenery = Some(Scenery::of(model, &recorder.lines, surfaces(model), sim));
         }
-        if recorder.history_sampler.wanted() {
-            let columns = recorder.columns();
-            recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
-        }
-        if recorder.frame_sampler.wanted() {
-            let frames = folder.join("frames");
-            std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))?;
-        }
-        Ok(recorder)
+        recorder
+    }
+
+    fn make_frame_folder(&self) -> Result<(), OutputError> {
+        let frames = self.folder.join("frames");
+        std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))
+    }
+
+    /// Seconds of wall time of the whole run so far.
+    pub fn wall(&self) -> f64 {
+        self.before[0] + self.begin.elapsed().as_secs_f64()
+    }
+
+    /// Seconds of processor time, where the system tells.
+    fn cpu(&self) -> Option<f64> {
+        cpu_seconds().zip(self.cpu_begin).map(|(b, a)| self.before[1] + b - a)
+    }
+
+    /// Writes a frame of the present state, whatever the sampling says.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn extra_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        self.make_frame_folder()?;
+        self.write_frame(sim)
     }
 
     /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.
@@ -128,6 +162,11 @@ impl<'a> Recorder<'a> {
     /// The first error of a file, if there was one; the run stops on it.
     pub fn error(&mut self) -> Option<OutputError> {
         self.error.take()
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// The probes with their last values.
@@ -215,8 +254,7 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// What the operating system says.
     pub fn finish(mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
-        let wall = self.begin.elapsed().as_secs_f64();
-        let cpu = cpu_seconds().zip(self.cpu_begin).map(|(b, a)| b - a);
+        let (wall, cpu) = (self.wall(), self.cpu());
         self.write_row(sim)?;
         if self.frame_sampler.wanted() {
             self.write_frame(sim)?;
@@ -286,15 +324,7 @@ impl<'a> Recorder<'a> {
             cpu_s: cpu,
             element_steps_per_s: finite(elements as f64 * clock.step as f64 / (wall - self.writing)),
             share: timing::share(&sim.world),
-            energy: Energies {
-                external_work: finite(e.external_work),
-                kinetic: finite(e.kinetic),
-                strain: finite(e.strain),
-                contact: finite(e.contact),
-                friction: finite(e.friction),
-                damping: finite(e.damping + e.axial),
-                balance_error: finite(e.balance_error()),
-            },
+            energy: Energies::of(&e),
             quality: Quality {
                 force_residual: quality::force_residual(&self.lines, sim).and_then(finite),
                 dummy_balance: quality::dummy_balance(self.model, sim).and_then(finite),

@@ -162,20 +162,12 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
         let status = ended.or_else(|| observer.stop_requested().then_some(Status::Stopped));
         if let Some(status) = status {
             if !sampling {
-                last_look(sim, observer)?;
+                sim.refresh_energies();
+                observer.sample(sim)?;
             }
             return Ok(status);
         }
     }
-}
-
-/// What follows the last step of a run: a look at the energies and a sample.
-///
-/// # Errors
-/// An error of the observer.
-pub fn last_look(sim: &mut Simulation, observer: &mut dyn Observer) -> Result<(), SimulationError> {
-    sim.refresh_energies();
-    observer.sample(sim)
 }
 
 /// When the run will probably end (time): end time, steps, or the earliest steady state.

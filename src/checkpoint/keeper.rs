@@ -40,6 +40,8 @@ pub struct Keeper<'a> {
     last: Option<Instant>,
     looked: Option<Instant>,
     stopped: bool,
+    /// The checkpoint of the last step; it is written after the outputs, which could not be made from it.
+    end: Option<Checkpoint>,
     notes: Vec<String>,
     error: Option<OutputError>,
 }
@@ -64,6 +66,7 @@ impl<'a> Keeper<'a> {
             last: resumed.then_some(begin),
             looked: None,
             stopped: false,
+            end: None,
             notes: Vec::new(),
             error: None,
         }
@@ -86,7 +89,10 @@ impl<'a> Keeper<'a> {
     pub fn finish(mut self, sim: &mut Simulation, word: &str) -> Result<Outcome, OutputError> {
         self.take_status(sim);
         let folder = self.recorder.folder().to_owned();
-        let outcome = self.recorder.finish(sim, word);
+        let outcome = self.recorder.finish(sim, word).and_then(|outcome| match &self.end {
+            Some(end) => self.store.put(Kind::End, end).map(|_| outcome),
+            None => Ok(outcome),
+        });
         self.status.eta_s = None;
         self.status.state = match word {
             "stopped" if outcome.is_ok() => RunningState::Stopped,
@@ -115,14 +121,18 @@ impl<'a> Keeper<'a> {
         let _ = self.status.write(self.recorder.folder());
     }
 
-    fn save(&mut self, sim: &mut Simulation, kind: Kind, ended: Option<Status>) -> Result<(), OutputError> {
+    fn checkpoint(&self, sim: &mut Simulation, ended: Option<Status>) -> Result<Checkpoint, OutputError> {
         let clock = sim.world.resource::<Clock>();
         let header = Header { step: clock.step, time: clock.time, ended, ..self.header.clone() };
-        let recorder = self.recorder.state(sim)?;
-        let state = sim.save_state().map_err(|e| OutputError::io("write a checkpoint in", self.recorder.folder(), std::io::Error::other(e)))?;
-        let (step, time) = (header.step, header.time);
-        let path = self.store.put(kind, &Checkpoint { header, recorder, state })?;
+        let fail = |e| OutputError::io("write a checkpoint in", self.recorder.folder(), std::io::Error::other(e));
+        Ok(Checkpoint { header, recorder: self.recorder.state(sim)?, state: sim.save_state().map_err(fail)? })
+    }
+
+    fn save(&mut self, sim: &mut Simulation, kind: Kind) -> Result<(), OutputError> {
+        let checkpoint = self.checkpoint(sim, None)?;
+        let path = self.store.put(kind, &checkpoint)?;
         self.last = Some(Instant::now());
+        let Header { step, time, .. } = checkpoint.header;
         self.status.checkpoint = Some(step);
         if kind == Kind::Stopped {
             self.notes.push(format!("stopped at t = {time:.4e}, step {step}; the checkpoint is {}", path.display()));
@@ -140,7 +150,7 @@ impl<'a> Keeper<'a> {
             None => {}
             Some(Ok(Command::Stop)) => self.orders.stop.store(true, Ordering::Relaxed),
             Some(Ok(Command::Checkpoint)) => {
-                self.save(sim, Kind::Ring, None)?;
+                self.save(sim, Kind::Ring)?;
                 self.notes.push(format!("checkpoint at t = {time:.4e}, step {step}"));
             }
             Some(Ok(Command::Frame)) => {
@@ -162,12 +172,12 @@ impl<'a> Keeper<'a> {
             }
             // A run that has just begun can be resumed from its start.
             if self.orders.checkpoint.is_some_and(|every| self.last.is_none_or(|t| now - t >= every)) {
-                self.save(sim, Kind::Ring, None)?;
+                self.save(sim, Kind::Ring)?;
             }
         }
         if !self.stopped && self.orders.stop.load(Ordering::Relaxed) {
             self.stopped = true;
-            self.save(sim, Kind::Stopped, None)?;
+            self.save(sim, Kind::Stopped)?;
         }
         Ok(())
     }
@@ -184,7 +194,7 @@ impl Observer for Keeper<'_> {
         }
         let done = match ended {
             None => self.between_steps(sim),
-            Some(_) if self.orders.checkpoint.is_some() => self.save(sim, Kind::End, ended),
+            Some(_) if self.orders.checkpoint.is_some() => self.checkpoint(sim, ended).map(|c| self.end = Some(c)),
             Some(_) => Ok(()),
         };
         self.error = done.err();

@@ -177,7 +177,11 @@ impl Store {
                     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                     format!("{name} of step {}, t = {:.4e} is good: braid-ecs resume DIR --from {name}", c.header.step, c.header.time)
                 });
-                Err(CheckpointError::Refused { path, fault, offer: offer.or(Some("no other checkpoint is there; start the run again".into())) })
+                Err(CheckpointError::Refused {
+                    path,
+                    fault,
+                    offer: offer.or(Some("no other checkpoint is there; start the run again".into())),
+                })
             }
             (Some((checkpoint, path)), None) => Ok(Found { checkpoint, path, scene, passed_over: faults }),
             (None, None) => Err(CheckpointError::Nothing(self.folder.clone())),

@@ -55,7 +55,9 @@ impl Failure {
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
             Failure::Output(e @ OutputError::Occupied { .. }) => {
-                format!("error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on with an unfinished run: braid-ecs resume DIR")
+                format!(
+                    "error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on with an unfinished run: braid-ecs resume DIR"
+                )
             }
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),

@@ -36,26 +36,27 @@ pub(super) struct ResumeArgs {
 pub(super) fn resume(args: &ResumeArgs, plugins: impl Plugin + Send) -> Result<(), Failure> {
     if args.until.is_none()
         && args.from.is_none()
-        && let Some(s) = over(args)
+        && let Ok(s) = Summary::read(&args.dir)
+        && [Status::Completed, Status::Converged].iter().any(|status| status.word() == s.status)
     {
-        if !args.watch.quiet {
-            let t = s.time.map_or("-".into(), |t| format!("{t:.4e}"));
-            out(&format!("the run in {} is over: {} at t = {t}, step {}", args.dir.display(), s.status, s.steps));
-            out("  to let it run on: --until TIME");
-        }
+        tell_over(args, &s.status, s.time.unwrap_or(f64::NAN), s.steps);
         return Ok(());
     }
-    let outcome = with_threads(args.threads, || simulate(args, plugins))??;
-    run::conclude(&outcome, &args.watch)
+    match with_threads(args.threads, || simulate(args, plugins))?? {
+        Some(outcome) => run::conclude(&outcome, &args.watch),
+        None => Ok(()),
+    }
 }
 
-/// The summary of a run that has come to its end.
-fn over(args: &ResumeArgs) -> Option<Summary> {
-    let summary = Summary::read(&args.dir).ok()?;
-    [Status::Completed, Status::Converged].iter().any(|s| s.word() == summary.status).then_some(summary)
+fn tell_over(args: &ResumeArgs, status: &str, time: f64, step: u64) {
+    if !args.watch.quiet {
+        out(&format!("the run in {} is over: {status} at t = {time:.4e}, step {step}", args.dir.display()));
+        out("  to let it run on: --until TIME");
+    }
 }
 
-fn simulate(args: &ResumeArgs, plugins: impl Plugin) -> Result<Outcome, Failure> {
+/// The outcome, or none if the run is over.
+fn simulate(args: &ResumeArgs, plugins: impl Plugin) -> Result<Option<Outcome>, Failure> {
     let mut store = Store::open(&args.dir)?;
     let found = store.find(args.from.as_deref())?;
     let mut sim = Simulation::new(plugins);
@@ -63,7 +64,9 @@ fn simulate(args: &ResumeArgs, plugins: impl Plugin) -> Result<Outcome, Failure>
     let mut loaded = load_text(&header.scene, found.scene.clone(), &[], &sim.registry)?;
     if let Some(text) = &args.until {
         header.until = Some(until(text, loaded.scene.units, &header)?);
-        header.ended = None;
+    } else if let Some(status) = header.ended {
+        tell_over(args, status.word(), header.time, header.step);
+        return Ok(None);
     }
     if let Some(time) = header.until {
         loaded.model.stop = Stop { time: Some(time), steps: None, steady: None };
@@ -87,7 +90,7 @@ fn simulate(args: &ResumeArgs, plugins: impl Plugin) -> Result<Outcome, Failure>
         run::notes(&sim);
     }
     let orders = args.watch.orders(&loaded.scene.output);
-    run::carry_on(Start { sim, loaded: &loaded, recorder, store, header, resumed: true }, orders, args.watch.quiet)
+    run::carry_on(Start { sim, loaded: &loaded, recorder, store, header, resumed: true }, orders, args.watch.quiet).map(Some)
 }
 
 /// The wanted end time.

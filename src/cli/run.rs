@@ -128,16 +128,12 @@ pub(super) struct Start<'a> {
 /// Runs to the end, or to a stop, and writes what belongs to it.
 pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool) -> Result<Outcome, Failure> {
     let Start { mut sim, loaded, recorder, store, header, resumed } = start;
-    let (interval, ended, unit) = (header.sample_interval, header.ended, loaded.scene.units.time());
+    let (interval, unit) = (header.sample_interval, loaded.scene.units.time());
     let progress = Progress::new(header.duration, unit, quiet);
     let folder = recorder.folder().to_owned();
     let mut keeper = Keeper::new(recorder, store, header, resumed, orders, unit);
     let mut watcher = Watcher { keeper: &mut keeper, progress };
-    let ended = match ended {
-        // Only what follows the last step was missing.
-        Some(status) => run::last_look(&mut sim, &mut watcher).map(|()| status),
-        None => run::continue_run(&mut sim, &loaded.model, interval, &mut watcher),
-    };
+    let ended = run::continue_run(&mut sim, &loaded.model, interval, &mut watcher);
     watcher.progress.clear();
     if let Some(error) = keeper.error() {
         keeper.give_up(&sim);

@@ -7,7 +7,7 @@
 //! | `stopped.ckpt` | where the run was stopped |
 //! | `end.ckpt` | where it ended; the others are then gone |
 //! | `lock` | held by the program that runs |
-use super::format::{Checkpoint, Fault, SceneHash};
+use super::format::{Checkpoint, Fault, Header, SceneHash};
 use crate::output::OutputError;
 use crate::output::file::{sync_folder, write_atomic};
 use std::fs::{self, File, TryLockError};
@@ -175,7 +175,8 @@ impl Store {
                 let (path, fault) = faults.swap_remove(at);
                 let offer = best.map(|(c, path)| {
                     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    format!("{name} of step {}, t = {:.4e} is good: braid-ecs resume DIR --from {name}", c.header.step, c.header.time)
+                    let (Header { step, time, .. }, out) = (c.header, self.folder.parent().unwrap_or(&self.folder).display());
+                    format!("{name} of step {step}, t = {time:.4e} is good: braid-ecs resume {out} --from {name}")
                 });
                 Err(CheckpointError::Refused {
                     path,
@@ -224,7 +225,11 @@ impl Store {
         match kind {
             Kind::Ring => self.next = 1 - self.next,
             Kind::Stopped => {}
-            Kind::End => ALL.iter().filter(|n| **n != END).try_for_each(|n| remove(&self.folder.join(n)))?,
+            Kind::End => {
+                ALL.iter().filter(|n| **n != END).try_for_each(|n| remove(&self.folder.join(n)))?;
+                // A program that was killed while it wrote has left half a file.
+                ALL.iter().for_each(|n| drop(fs::remove_file(self.folder.join(format!("{n}.part")))));
+            }
         }
         Ok(path)
     }

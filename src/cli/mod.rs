@@ -145,9 +145,17 @@ mod tests {
         assert_eq!(scene.threads, Some(2));
         let cli = Cli::try_parse_from(["braid-ecs", "check", "a.ron", "--set", "seed=2"]).unwrap();
         assert!(matches!(cli.command, Some(Command::Check(c)) if c.scene.sets.len() == 1));
-        for bad in
-            [&["braid-ecs", "a.ron", "--set", "seed"][..], &["braid-ecs", "a.ron", "--threads", "0"], &["braid-ecs", "a.ron", "--no"]]
-        {
+        let cli = Cli::try_parse_from(["braid-ecs", "resume", "results/a", "--until", "30 ms", "--time-limit", "2 h", "-q"]).unwrap();
+        assert!(matches!(cli.command, Some(Command::Resume(r)) if r.dir == PathBuf::from("results/a")));
+        assert!(matches!(Cli::try_parse_from(["braid-ecs", "ctl", "a", "stop"]).unwrap().command, Some(Command::Ctl(_))));
+        assert!(matches!(Cli::try_parse_from(["braid-ecs", "status", "a", "-w"]).unwrap().command, Some(Command::Status(_))));
+        for bad in [
+            &["braid-ecs", "ctl", "a", "jump"][..],
+            &["braid-ecs", "a.ron", "--time-limit", "-1 s"],
+            &["braid-ecs", "a.ron", "--set", "seed"],
+            &["braid-ecs", "a.ron", "--threads", "0"],
+            &["braid-ecs", "a.ron", "--no"],
+        ] {
             assert_eq!(Cli::try_parse_from(bad).unwrap_err().exit_code(), 2, "{bad:?}");
         }
     }

@@ -146,7 +146,7 @@ mod tests {
         let cli = Cli::try_parse_from(["braid-ecs", "check", "a.ron", "--set", "seed=2"]).unwrap();
         assert!(matches!(cli.command, Some(Command::Check(c)) if c.scene.sets.len() == 1));
         let cli = Cli::try_parse_from(["braid-ecs", "resume", "results/a", "--until", "30 ms", "--time-limit", "2 h", "-q"]).unwrap();
-        assert!(matches!(cli.command, Some(Command::Resume(r)) if r.dir == PathBuf::from("results/a")));
+        assert!(matches!(cli.command, Some(Command::Resume(r)) if r.dir.ends_with("results/a")));
         assert!(matches!(Cli::try_parse_from(["braid-ecs", "ctl", "a", "stop"]).unwrap().command, Some(Command::Ctl(_))));
         assert!(matches!(Cli::try_parse_from(["braid-ecs", "status", "a", "-w"]).unwrap().command, Some(Command::Status(_))));
         for bad in [

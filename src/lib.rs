@@ -5,6 +5,7 @@ extern crate self as braid_ecs;
 
 pub mod amplitude;
 pub mod assembly;
+pub mod checkpoint;
 pub mod cli;
 pub mod columns;
 pub mod components;

@@ -10,7 +10,7 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Status {
     /// The steady-state criterion was met.
     Converged,
@@ -20,6 +20,17 @@ pub enum Status {
     Stopped,
 }
 
+impl Status {
+    /// The word for it in `summary.json`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Status::Converged => "converged",
+            Status::Completed => "completed",
+            Status::Stopped => "stopped",
+        }
+    }
+}
+
 /// Looks at a run from outside: outputs, progress bars, tests.
 pub trait Observer {
     /// Called after the start, then after every sample interval and once at the end.
@@ -27,6 +38,14 @@ pub trait Observer {
     /// # Errors
     /// Ends the run.
     fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError>;
+    /// Called after the start and after every step, when the whole state can be saved; `ended` tells
+    /// why this step is the last one, if the run has reached its end.
+    ///
+    /// # Errors
+    /// Ends the run.
+    fn step_done(&mut self, _sim: &mut Simulation, _ended: Option<Status>) -> Result<(), SimulationError> {
+        Ok(())
+    }
     /// True to stop the run after this step.
     fn stop_requested(&self) -> bool {
         false
@@ -95,6 +114,7 @@ pub fn continue_run(
     sim.world.insert_resource(state);
     if fresh {
         observer.sample(sim)?;
+        observer.step_done(sim, None)?;
     }
     let status = go_on(sim, model, sample_interval, observer);
     sim.world.remove_resource::<RunState>();
@@ -112,7 +132,7 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
         let (sampling, deciding) = {
             let state = sim.world.resource::<RunState>();
             let sampling = time + dt >= state.next_sample || stop.time.is_some_and(|t| time + dt >= t);
-            (sampling, state.steady.as_ref().is_some_and(|s| time + dt >= s.next))
+            (sampling, stop.steady.is_some() && state.steady.as_ref().is_some_and(|s| time + dt >= s.next))
         };
         if sampling || deciding {
             sim.world.resource_mut::<LookNow>().0 = true;
@@ -129,9 +149,7 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
                 state.next_sample += sample_interval;
             }
         }
-        let status = if observer.stop_requested() {
-            Some(Status::Stopped)
-        } else if deciding && steady_state_reached(sim, model, time) {
+        let ended = if deciding && steady_state_reached(sim, model, time) {
             Some(Status::Converged)
         } else if stop.time.is_some_and(|t| time >= t * (1.0 - 1e-12))
             || stop.steps.is_some_and(|n| step - sim.world.resource::<RunState>().first >= n)
@@ -140,6 +158,8 @@ fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &m
         } else {
             None
         };
+        observer.step_done(sim, ended)?;
+        let status = ended.or_else(|| observer.stop_requested().then_some(Status::Stopped));
         if let Some(status) = status {
             if !sampling {
                 sim.refresh_energies();

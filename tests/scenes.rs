@@ -175,7 +175,14 @@ fn braids_are_changed_from_the_command_line() {
     assert!(near.contains("`tow.filaments`"), "{near}");
     let near = load(text, &[("contact.frction", "3")]).map(|_| ()).expect_err("misspelt").to_string();
     assert!(near.contains("`contact.friction`"), "{near}");
-    load(text, &[("output.checkpoint", "Every(\"1 ms\")")]).unwrap_or_else(|e| panic!("{e}"));
+    let checkpoint = |value| load(text, &[("output.checkpoint", value)]).map(|l| l.scene.output.checkpoint.map(|w| w.0.as_secs_f64()));
+    assert!(
+        matches!(checkpoint("2 h"), Ok(Some(7200.0))) && matches!(checkpoint("None"), Ok(None)) && matches!(checkpoint("3"), Ok(Some(3.0)))
+    );
+    for wrong in ["-1 s", "Never", "1 mm"] {
+        let e = checkpoint(wrong).map(|_| ()).expect_err(wrong).to_string();
+        assert!(e.contains("10 min") || e.contains("unit of a time"), "{e}");
+    }
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! What can go wrong, how it is said, and the exit code it gives.
+use crate::checkpoint::CheckpointError;
 use crate::output::OutputError;
 use crate::scene::LoadedScene;
 use crate::scene::error::SceneErrors;
 use crate::simulation::SimulationError;
 use crate::study::StudyError;
 use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
 
 /// Why a command did not finish.
 #[derive(Debug)]
@@ -23,8 +25,12 @@ pub enum Failure {
     Rows(usize),
     /// So many known answers were missed.
     Short(usize),
-    /// The user has stopped the run; its results are kept.
-    Interrupted,
+    /// No checkpoint can be used.
+    Checkpoint(CheckpointError),
+    /// The run in this folder was stopped and can be resumed.
+    Stopped(PathBuf),
+    /// A study was stopped before its end; rows that have finished are kept.
+    StudyStopped,
 }
 
 impl Failure {
@@ -46,7 +52,8 @@ impl Failure {
             Failure::Output(_) | Failure::Study(_) => 4,
             Failure::Rows(_) => 5,
             Failure::Short(_) => 6,
-            Failure::Interrupted => 130,
+            Failure::Checkpoint(_) => 4,
+            Failure::Stopped(_) | Failure::StudyStopped => 75,
         }
     }
 
@@ -56,8 +63,12 @@ impl Failure {
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
             Failure::Output(e @ OutputError::Occupied { path }) => {
-                let resume = if path.join("study.json").exists() { ", --resume to go on with it" } else { "" };
-                format!("error: {e}\n  help: choose another folder with --out DIR{resume}, or add --force to move the old results aside")
+                let go_on = if path.join("study.json").exists() {
+                    "with --resume"
+                } else {
+                    "if it is unfinished: braid-ecs resume DIR"
+                };
+                format!("error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on {go_on}")
             }
             Failure::Study(e @ StudyError::Changed(_)) => {
                 format!("error: {e}\n  help: choose another folder with --out DIR, or add --force instead of --resume to run all rows anew")
@@ -66,7 +77,9 @@ impl Failure {
             Failure::Rows(n) => format!("{n} run{} failed; what came out of the others is kept", if *n == 1 { "" } else { "s" }),
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),
-            Failure::Interrupted => "stopped before its end; the results so far are kept".into(),
+            Failure::Checkpoint(e) => format!("error: {e}"),
+            Failure::StudyStopped => "stopped before its end; rows that have finished are kept, and --resume goes on with the others".into(),
+            Failure::Stopped(folder) => format!("stopped before its end; to go on: braid-ecs resume {}", folder.display()),
         }
     }
 }
@@ -80,6 +93,12 @@ impl From<SceneErrors> for Failure {
 impl From<SimulationError> for Failure {
     fn from(e: SimulationError) -> Self {
         Failure::Simulation(e)
+    }
+}
+
+impl From<CheckpointError> for Failure {
+    fn from(e: CheckpointError) -> Self {
+        Failure::Checkpoint(e)
     }
 }
 

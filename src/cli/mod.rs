@@ -8,14 +8,18 @@
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run, or a failed row of a study; what was computed is kept |
 //! | 6 | a scene with known answers misses one |
-//! | 130 | stopped with Ctrl-C; what was computed is kept |
+//! | 75 | stopped (Ctrl-C, SIGTERM, `--time-limit`, `ctl DIR stop`): what was computed is kept, and `resume DIR` goes on |
+//! | 130 | given up with a second Ctrl-C; `resume DIR` goes on from the last checkpoint |
 mod bench;
 mod check;
 mod message;
 mod processor;
 mod progress;
 mod report;
+mod resume;
 mod run;
+mod signals;
+mod status;
 mod study;
 mod verify;
 
@@ -30,7 +34,7 @@ use std::process::ExitCode;
 #[derive(Parser, Debug)]
 #[command(name = "braid-ecs", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
 #[command(
-    after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 6 a known answer was missed, 130 stopped with Ctrl-C."
+    after_help = "Exit codes: 0 done, 2 usage, 3 scene invalid, 4 file error, 5 numerical failure, 6 a known answer was missed, 75 stopped and can be resumed, 130 given up with a second Ctrl-C."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -52,6 +56,12 @@ enum Command {
     Verify(verify::VerifyArgs),
     /// Run a scene in many variants and compare what comes out.
     Study(study::StudyArgs),
+    /// Go on with a run that was stopped, from its last checkpoint.
+    Resume(resume::ResumeArgs),
+    /// Tell how far a run has come.
+    Status(status::StatusArgs),
+    /// Stop a run, or have it write a checkpoint or a frame.
+    Ctl(status::ControlArgs),
 }
 
 /// The scene and changes to it.
@@ -78,9 +88,13 @@ fn parse_set(text: &str) -> Result<(String, String), String> {
 impl SceneArgs {
     /// Runs `work` in a pool with the wanted number of threads.
     fn with_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.map_or(0, usize::from)).build();
-        Ok(pool.map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", self.threads.unwrap_or(0))))?.install(work))
+        with_threads(self.threads, work)
     }
+}
+
+fn with_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from)).build();
+    Ok(pool.map_err(|e| Failure::Usage(format!("cannot start {} threads: {e}", threads.unwrap_or(0))))?.install(work))
 }
 
 /// The program: reads the arguments, does what they say, returns the exit code. A binary with
@@ -100,6 +114,9 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
         (Some(Command::Study(args)), _) => study::run(&args, plugins),
+        (Some(Command::Resume(args)), _) => resume::resume(&args, plugins),
+        (Some(Command::Status(args)), _) => status::status(&args),
+        (Some(Command::Ctl(args)), _) => status::control(&args),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };
@@ -132,9 +149,17 @@ mod tests {
         assert_eq!(scene.threads, Some(2));
         let cli = Cli::try_parse_from(["braid-ecs", "check", "a.ron", "--set", "seed=2"]).unwrap();
         assert!(matches!(cli.command, Some(Command::Check(c)) if c.scene.sets.len() == 1));
-        for bad in
-            [&["braid-ecs", "a.ron", "--set", "seed"][..], &["braid-ecs", "a.ron", "--threads", "0"], &["braid-ecs", "a.ron", "--no"]]
-        {
+        let cli = Cli::try_parse_from(["braid-ecs", "resume", "results/a", "--until", "30 ms", "--time-limit", "2 h", "-q"]).unwrap();
+        assert!(matches!(cli.command, Some(Command::Resume(r)) if r.dir.ends_with("results/a")));
+        assert!(matches!(Cli::try_parse_from(["braid-ecs", "ctl", "a", "stop"]).unwrap().command, Some(Command::Ctl(_))));
+        assert!(matches!(Cli::try_parse_from(["braid-ecs", "status", "a", "-w"]).unwrap().command, Some(Command::Status(_))));
+        for bad in [
+            &["braid-ecs", "ctl", "a", "jump"][..],
+            &["braid-ecs", "a.ron", "--time-limit", "-1 s"],
+            &["braid-ecs", "a.ron", "--set", "seed"],
+            &["braid-ecs", "a.ron", "--threads", "0"],
+            &["braid-ecs", "a.ron", "--no"],
+        ] {
             assert_eq!(Cli::try_parse_from(bad).unwrap_err().exit_code(), 2, "{bad:?}");
         }
     }

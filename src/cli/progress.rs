@@ -1,27 +1,24 @@
 //! Progress of a run: a bar on a terminal, plain lines every few seconds elsewhere.
 use super::message;
+use crate::checkpoint::Keeper;
 use crate::ledger::{ContactSummary, EnergyLedger};
-use crate::output::Recorder;
-use crate::run::Observer;
+use crate::output::pace::Pace;
+use crate::run::{Observer, Status};
 use crate::simulation::{Simulation, SimulationError};
 use crate::step::Clock;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::collections::VecDeque;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Seconds between plain lines.
 const LINES_EVERY: Duration = Duration::from_secs(5);
-/// Seconds over which the speed is taken: a run slows down when contacts come.
-const WINDOW: Duration = Duration::from_secs(20);
 
 /// Shows how far a run has come.
 pub(super) struct Progress {
     duration: Option<f64>,
     unit: &'static str,
     show: Show,
-    past: VecDeque<(Instant, f64)>,
+    pace: Pace,
 }
 
 enum Show {
@@ -45,7 +42,7 @@ impl Progress {
         } else {
             Show::Lines(Instant::now())
         };
-        Progress { duration, unit, show, past: VecDeque::new() }
+        Progress { duration, unit, show, pace: Pace::default() }
     }
 
     /// Takes the state of a run and shows it when it is time.
@@ -55,10 +52,7 @@ impl Progress {
         }
         let now = Instant::now();
         let clock = sim.world.resource::<Clock>();
-        self.past.push_back((now, clock.time));
-        while self.past.len() > 2 && now - self.past[0].0 > WINDOW {
-            self.past.pop_front();
-        }
+        self.pace.note(now, clock.time);
         let fraction = self.duration.map_or(0.0, |d| clock.time / d).clamp(0.0, 1.0);
         let text = self.text(sim, clock);
         match &mut self.show {
@@ -98,12 +92,16 @@ impl Progress {
         if time >= duration {
             return "waiting for the steady state  ".into();
         }
-        let (Some(first), Some(last)) = (self.past.front(), self.past.back()) else { return String::new() };
-        let (wall, done) = ((last.0 - first.0).as_secs_f64(), last.1 - first.1);
-        if wall < 0.2 || done <= 0.0 {
-            return String::new();
+        self.pace.seconds_to(duration).map_or(String::new(), |s| format!("about {} left  ", duration_text(s)))
+    }
+
+    /// Says something beside the bar.
+    fn say(&self, text: &str) {
+        match &self.show {
+            Show::Nothing => {}
+            Show::Bar(bar) => bar.println(text),
+            Show::Lines(_) => message::line(text),
         }
-        format!("about {} left  ", duration_text((duration - time) / done * wall))
     }
 
     /// Takes the bar off the terminal.
@@ -130,29 +128,10 @@ pub(super) fn duration_text(seconds: f64) -> String {
     }
 }
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// True once the user has pressed Ctrl-C.
-pub(super) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
-}
-
-/// The first Ctrl-C lets the run stop in order, with all its files, and is answered with `notice`; the second
-/// one ends the program.
-pub(super) fn catch_interrupts(notice: &'static str) {
-    // Where no handler can be set, Ctrl-C ends the program as ever.
-    let _ = ctrlc::set_handler(move || {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        message::line(notice);
-    });
-}
-
-/// Hands samples to the recorder and shows the progress.
+/// Hands the run to the keeper and shows the progress.
 pub(super) struct Watcher<'a, 'b> {
-    /// The recorder.
-    pub recorder: &'b mut Recorder<'a>,
+    /// The keeper.
+    pub keeper: &'b mut Keeper<'a>,
     /// The progress.
     pub progress: Progress,
 }
@@ -160,12 +139,17 @@ pub(super) struct Watcher<'a, 'b> {
 impl Observer for Watcher<'_, '_> {
     fn sample(&mut self, sim: &mut Simulation) -> Result<(), SimulationError> {
         // Writing first: the pictures of the start must not count as slow steps.
-        self.recorder.sample(sim)?;
+        self.keeper.sample(sim)?;
         self.progress.update(sim);
         Ok(())
     }
+    fn step_done(&mut self, sim: &mut Simulation, ended: Option<Status>) -> Result<(), SimulationError> {
+        self.keeper.step_done(sim, ended)?;
+        self.keeper.notes().iter().for_each(|note| self.progress.say(note));
+        Ok(())
+    }
     fn stop_requested(&self) -> bool {
-        self.recorder.stop_requested() || interrupted()
+        self.keeper.stop_requested()
     }
 }
 
@@ -177,15 +161,5 @@ mod tests {
     fn durations_read_well() {
         let all = [0.04, 12.3, 99.4, 200.0, 3599.0, 7500.0, f64::INFINITY].map(duration_text);
         assert_eq!(all, ["0.0 s", "12 s", "99 s", "3 min 20 s", "59 min 59 s", "2 h 05 min", "very long"]);
-    }
-
-    #[test]
-    fn the_remaining_time_follows_the_latest_speed() {
-        let mut p = Progress::new(Some(10.0), "s", true);
-        let start = Instant::now();
-        // Two units of time in ten seconds: 8 more take 40 s.
-        p.past = [(start, 0.0), (start + Duration::from_secs(10), 2.0)].into();
-        assert_eq!(p.remaining(2.0), "about 40 s left  ");
-        assert_eq!(p.remaining(10.5), "waiting for the steady state  ");
     }
 }

@@ -1,11 +1,14 @@
 //! `braid-ecs SCENE`: runs a scene.
 use super::message::{self, Failure};
-use super::progress::{Progress, Watcher, catch_interrupts, interrupted};
-use super::{SceneArgs, report};
+use super::progress::{Progress, Watcher};
+use super::{SceneArgs, report, signals};
+use crate::checkpoint::{CheckpointError, Header, Keeper, Orders, SceneHash, Store, store};
 use crate::model::Model;
 use crate::output::{Outcome, Recorder, file, timing};
 use crate::run::{self, Status, expected_duration};
-use crate::scene::load;
+use crate::scene::schema::OutputSpec;
+use crate::scene::units::WallTime;
+use crate::scene::{LoadedScene, load};
 use crate::simulation::{Notes, Plugin, Simulation, SimulationError};
 use crate::step::Clock;
 use clap::Args;
@@ -20,69 +23,127 @@ pub(super) struct RunArgs {
     /// Move results of an earlier run aside (to <folder>.1, .2, ...) instead of refusing.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    watch: WatchArgs,
+}
+
+/// How a run is watched.
+#[derive(Args, Debug)]
+pub(super) struct WatchArgs {
+    /// Stop after this wall-clock time, in order: `--time-limit "10 min"`. `resume` goes on.
+    #[arg(long, value_name = "DURATION", value_parser = WallTime::parse)]
+    time_limit: Option<WallTime>,
     /// Print nothing but errors.
     #[arg(long, short)]
-    quiet: bool,
+    pub quiet: bool,
+}
+
+impl WatchArgs {
+    /// What the run is told from outside; signals are caught from now on.
+    pub fn orders(&self, output: &OutputSpec) -> Orders {
+        let wall = |w: Option<WallTime>| w.map(|w| w.0);
+        let orders = Orders { checkpoint: wall(output.checkpoint), time_limit: wall(self.time_limit), ..Default::default() };
+        signals::catch(&orders.stop);
+        orders
+    }
 }
 
 /// Elements from which steps are timed by set: the markers cost 0.46 us a step (measured), and a
 /// step of so many elements takes more than 100 us.
 const TIMED_FROM: usize = 2000;
 
+/// Times the steps by set where that costs little; call it before the model is built.
+pub(super) fn time_sets(sim: &mut Simulation, model: &Model) {
+    if elements(sim, model) >= TIMED_FROM {
+        timing::install(sim);
+    }
+}
+
 /// Runs a scene, prints the outcome.
 pub(super) fn run(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin + Send) -> Result<(), Failure> {
     let outcome = scene.with_threads(|| simulate(scene, args, plugins))??;
-    if !args.quiet {
-        report::print(&outcome);
+    conclude(&outcome, &args.watch)
+}
+
+/// Prints the outcome; a run that was stopped has an exit code of its own.
+pub(super) fn conclude(outcome: &Outcome, watch: &WatchArgs) -> Result<(), Failure> {
+    if !watch.quiet {
+        report::print(outcome);
     }
-    if interrupted() { Err(Failure::Interrupted) } else { Ok(()) }
+    if outcome.summary.status == Status::Stopped.word() { Err(Failure::Stopped(outcome.folder.clone())) } else { Ok(()) }
 }
 
 fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<Outcome, Failure> {
+    let quiet = args.watch.quiet;
     let mut sim = Simulation::new(plugins);
     let loaded = load(&scene.scene, &scene.sets, &sim.registry)?;
     let model = &loaded.model;
-    if elements(&sim, model) >= TIMED_FROM {
-        timing::install(&mut sim);
-    }
+    time_sets(&mut sim, model);
     // A model that cannot start leaves no folder behind.
     sim.build(model).and_then(|()| run::start(&mut sim, model)).map_err(|e| Failure::of_start(&loaded, e))?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("results").join(loaded.name()));
+    if store::in_use(&folder) == Some(true) {
+        return Err(CheckpointError::InUse(folder).into());
+    }
     if let Some(aside) = file::claim_folder(&folder, args.force)?
-        && !args.quiet
+        && !quiet
     {
         message::line(&format!("earlier results moved to {}", aside.display()));
     }
-    if !args.quiet {
+    if !quiet {
         let (name, nodes) = (loaded.name(), model.nodes.len());
         message::line(&format!("{name}: {nodes} nodes, {} elements; results go to {}", elements(&sim, model), folder.display()));
         notes(&sim);
     }
     let dt = sim.world.resource::<Clock>().dt_target;
     let duration = expected_duration(model, dt);
-    let mut recorder = Recorder::new(&loaded, &mut sim, &folder, duration)?;
-    // Often enough for the progress to move, and for the recorder.
-    let interval = recorder.interval(dt).min(duration.unwrap_or(f64::INFINITY) / 400.0);
-    let progress = Progress::new(duration, loaded.scene.units.time(), args.quiet);
-    catch_interrupts("stopping after this step; press Ctrl-C again to give up the results");
-    let mut watcher = Watcher { recorder: &mut recorder, progress };
-    let ended = run::continue_run(&mut sim, model, interval, &mut watcher);
+    let store = Store::create(&folder, &loaded.text)?;
+    let recorder = Recorder::new(&loaded, &mut sim, &folder, duration)?;
+    let header = Header {
+        program: env!("CARGO_PKG_VERSION").into(),
+        scene: loaded.path.display().to_string(),
+        scene_hash: SceneHash::of(&loaded.text),
+        step: 0,
+        time: 0.0,
+        // Often enough for the progress to move, and for the recorder.
+        sample_interval: recorder.interval(dt).min(duration.unwrap_or(f64::INFINITY) / 400.0),
+        duration,
+        until: None,
+        ended: None,
+    };
+    let orders = args.watch.orders(&loaded.scene.output);
+    carry_on(Start { sim, loaded: &loaded, recorder, store, header, resumed: false }, orders, quiet)
+}
+
+/// A run that can begin or go on.
+pub(super) struct Start<'a> {
+    pub sim: Simulation,
+    pub loaded: &'a LoadedScene,
+    pub recorder: Recorder<'a>,
+    pub store: Store,
+    pub header: Header,
+    pub resumed: bool,
+}
+
+/// Runs to the end, or to a stop, and writes what belongs to it.
+pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool) -> Result<Outcome, Failure> {
+    let Start { mut sim, loaded, recorder, store, header, resumed } = start;
+    let (interval, unit) = (header.sample_interval, loaded.scene.units.time());
+    let progress = Progress::new(header.duration, unit, quiet);
+    let folder = recorder.folder().to_owned();
+    let mut keeper = Keeper::new(recorder, store, header, resumed, orders, unit);
+    let mut watcher = Watcher { keeper: &mut keeper, progress };
+    let ended = run::continue_run(&mut sim, &loaded.model, interval, &mut watcher);
     watcher.progress.clear();
-    if let Some(error) = recorder.error() {
+    if let Some(error) = keeper.error() {
+        keeper.give_up(&sim);
         return Err(error.into());
     }
     match ended {
-        Ok(status) => {
-            let word = match status {
-                Status::Converged => "converged",
-                Status::Completed => "completed",
-                Status::Stopped => "stopped",
-            };
-            Ok(recorder.finish(&mut sim, word)?)
-        }
+        Ok(status) => Ok(keeper.finish(&mut sim, status.word())?),
         Err(error @ SimulationError::Numerical { .. }) => {
             // What was computed is kept; the numerical failure is the error to report.
-            if let Err(second) = recorder.finish(&mut sim, "failed") {
+            if let Err(second) = keeper.finish(&mut sim, "failed") {
                 message::line(&format!("also: {second}"));
             }
             message::line(&format!("what was computed is in {}", folder.display()));

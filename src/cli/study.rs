@@ -1,6 +1,7 @@
 //! `braid-ecs study FILE`: one scene in many variants, run side by side and compared.
 use super::message::{Failure, line, out};
-use super::progress::{catch_interrupts, duration_text, interrupted};
+use super::progress::duration_text;
+use super::signals;
 use crate::simulation::Plugin;
 use crate::study::eta::Eta;
 use crate::study::{self, Done, Event, Existing, Options, Plan, StudyError};
@@ -8,6 +9,8 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Arguments of a study.
@@ -66,15 +69,16 @@ pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure>
     if let (n @ 1.., false) = (claim.of_other_builds(), args.quiet) {
         line(&format!("note: {n} of the kept runs were made by another build of this version"));
     }
-    catch_interrupts("stopping; rows that have finished are kept, and --resume goes on with the others");
-    let done = study::perform(&plan, &options, &claim, &interrupted, &mut |event| progress.hear(event));
+    let stop = Arc::new(AtomicBool::new(false));
+    signals::catch(&stop);
+    let done = study::perform(&plan, &options, &claim, &|| stop.load(Ordering::Relaxed), &mut |event| progress.hear(event));
     progress.clear();
     let done = done?;
     if !args.quiet {
         print(&plan, &done, &options);
     }
     match done {
-        Done { missing: 1.., .. } => Err(Failure::Interrupted),
+        Done { missing: 1.., .. } => Err(Failure::StudyStopped),
         Done { failed: failed @ 1.., .. } => Err(Failure::Rows(failed)),
         _ => Ok(()),
     }

@@ -37,13 +37,37 @@ impl OutputError {
 /// # Errors
 /// What the operating system says about the folder or the disk.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    write_part(path, bytes, true)
+}
+
+/// Writes a whole file under a temporary name and renames it, without waiting for the disk: for files that
+/// are replaced so often that the last one may be lost with the power.
+///
+/// # Errors
+/// What the operating system says about the folder or the disk.
+pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    write_part(path, bytes, false)
+}
+
+/// Waits until the names in a folder are on the disk.
+///
+/// # Errors
+/// What the operating system says.
+pub fn sync_folder(folder: &Path) -> Result<(), OutputError> {
+    // Only Unix lets a folder be opened as a file.
+    if cfg!(unix) { fs::File::open(folder).and_then(|f| f.sync_all()).map_err(|e| OutputError::io("write", folder, e)) } else { Ok(()) }
+}
+
+fn write_part(path: &Path, bytes: &[u8], sync: bool) -> Result<(), OutputError> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let part = path.with_file_name(name);
     let write = || -> std::io::Result<()> {
         let mut file = fs::File::create(&part)?;
         file.write_all(bytes)?;
-        file.sync_all()?;
+        if sync {
+            file.sync_all()?;
+        }
         fs::rename(&part, path)
     };
     write().map_err(|e| {
@@ -54,7 +78,7 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 }
 
 /// What marks a folder as the results of a run or a study.
-const MARKS: [&str; 4] = ["summary.json", "history.csv", "results.pvd", "study.json"];
+const MARKS: [&str; 5] = ["summary.json", "history.csv", "results.pvd", "checkpoints", "study.json"];
 
 /// True if `folder` holds the results of a run or a study.
 pub fn holds_results(folder: &Path) -> bool {

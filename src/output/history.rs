@@ -4,6 +4,7 @@
 //! `kinetic [mJ]`. Numbers have all their digits (they read back as the same bits). Every row is
 //! flushed, so that the file can be watched and survives a crash.
 use super::file::OutputError;
+use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -30,6 +31,15 @@ impl Column {
 /// Rows kept in memory for plots; beyond that every other one is dropped.
 const KEPT: usize = 4096;
 
+/// Where a history ends, and what is kept of it for plots.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HistoryState {
+    bytes: u64,
+    kept: Vec<Vec<f64>>,
+    stride: u64,
+    rows: u64,
+}
+
 /// The open file and what plots need of it.
 pub struct History {
     path: PathBuf,
@@ -38,6 +48,8 @@ pub struct History {
     kept: Vec<Vec<f64>>,
     stride: u64,
     rows: u64,
+    /// Length of the file where this run goes on.
+    bytes: u64,
 }
 
 impl History {
@@ -53,11 +65,46 @@ impl History {
             // A line break in a value must not leave the comment.
             writeln!(file, "# {key}: {}", value.replace(['\n', '\r'], " ")).map_err(fail)?;
         }
-        let mut history =
-            History { path: path.to_owned(), writer: csv::Writer::from_writer(file), columns, kept: Vec::new(), stride: 1, rows: 0 };
+        let writer = csv::Writer::from_writer(file);
+        let mut history = History { path: path.to_owned(), writer, columns, kept: Vec::new(), stride: 1, rows: 0, bytes: 0 };
         let header: Vec<String> = history.columns.iter().map(Column::header).collect();
         history.record(&header)?;
         Ok(history)
+    }
+
+    /// Where the file ends now; it is on the disk when this returns.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn state(&self) -> Result<HistoryState, OutputError> {
+        let file = self.writer.get_ref();
+        let bytes = file.sync_data().and_then(|()| file.metadata()).map_err(|e| OutputError::io("write", &self.path, e))?.len();
+        Ok(HistoryState { bytes, kept: self.kept.clone(), stride: self.stride, rows: self.rows })
+    }
+
+    /// Opens the file of a run that goes on from a state; [`History::rewind`] then cuts it back.
+    ///
+    /// # Errors
+    /// A file that is shorter than it was; what the operating system says.
+    pub fn reopen(path: &Path, columns: Vec<Column>, state: HistoryState) -> Result<Self, OutputError> {
+        let fail = |e: std::io::Error| OutputError::io("go on with", path, e);
+        let file = File::options().append(true).open(path).map_err(fail)?;
+        let bytes = file.metadata().map_err(fail)?.len();
+        if bytes < state.bytes {
+            let text = format!("it has {bytes} bytes, and {} at the checkpoint; its end is lost", state.bytes);
+            return Err(fail(std::io::Error::other(text)));
+        }
+        let writer = csv::Writer::from_writer(file);
+        let HistoryState { bytes, kept, stride, rows } = state;
+        Ok(History { path: path.to_owned(), writer, columns, kept, stride, rows, bytes })
+    }
+
+    /// Cuts the file back to the state it was reopened with.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn rewind(&mut self) -> Result<(), OutputError> {
+        self.writer.get_ref().set_len(self.bytes).map_err(|e| OutputError::io("cut back", &self.path, e))
     }
 
     fn record(&mut self, fields: &[String]) -> Result<(), OutputError> {

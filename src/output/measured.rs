@@ -41,6 +41,18 @@ impl Probes {
         self.values.iter().map(|v| v.unwrap_or(f64::NAN)).collect()
     }
 
+    /// The running values.
+    pub fn state(&self) -> Vec<Option<f64>> {
+        self.values.clone()
+    }
+
+    /// Goes on from values of the same probes.
+    pub fn put_back(&mut self, values: Vec<Option<f64>>) {
+        if values.len() == self.list.len() {
+            self.values = values;
+        }
+    }
+
     /// Name and last value.
     pub fn values(&self) -> BTreeMap<String, Option<f64>> {
         self.list.iter().zip(&self.values).map(|((name, ..), v)| (name.clone(), v.and_then(finite))).collect()

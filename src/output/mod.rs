@@ -2,7 +2,7 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `recorder.rs` | watches a run and fills its folder |
+//! | `recorder.rs`, `recorder/` | watches a run and fills its folder; what it remembers for a resumed run |
 //! | `sampling.rs` | when something is written |
 //! | `history.rs`, `summary.rs` | `history.csv`, `summary.json` and the hash of the state |
 //! | `lines.rs`, `frame.rs`, `vtp.rs` | the lines of a model as ParaView polylines |
@@ -10,19 +10,23 @@
 //! | `plot.rs` | diagrams as SVG |
 //! | `measured.rs`, `expected.rs`, `quality.rs` | what a scene asks to be measured and expects; how good the state is |
 //! | `timing.rs` | wall time of a step by set |
+//! | `status.rs`, `pace.rs`, `control.rs` | how far a run has come and how fast it goes, for others to see; what it is told |
 //! | `file.rs` | whole files or none, folders that are never overwritten silently |
+pub mod control;
 pub mod expected;
 pub mod file;
 pub mod frame;
 pub mod history;
 pub mod lines;
 pub mod measured;
+pub mod pace;
 pub mod picture;
 pub mod plot;
 pub mod quality;
 pub mod recorder;
 pub mod render;
 pub mod sampling;
+pub mod status;
 pub mod summary;
 pub mod timing;
 pub mod vtp;

@@ -9,19 +9,23 @@
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
-use super::expected::{Comparison, compare};
+mod end;
+mod state;
+
+pub use end::Outcome;
+pub use state::RecorderState;
+
 use super::file::{OutputError, write_atomic};
 use super::frame::{contact_frame, frame};
 use super::history::{Column, History};
 use super::lines::Lines;
-use super::measured::{Probes, measures, probes, surfaces};
+use super::measured::{Probes, probes, surfaces};
 use super::picture::Scenery;
-use super::plot::{Axis, Plot, Series, panels};
 use super::render::render;
 use super::sampling::Sampler;
-use super::summary::{DtLimit, Energies, Lists, Quality, Summary, cpu_seconds, finite, state_hash};
-use super::{quality, timing, vtp};
-use crate::assembly::{KindReports, node_states};
+use super::summary::cpu_seconds;
+use super::vtp;
+use crate::assembly::node_states;
 use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::model::Model;
 use crate::run::Observer;
@@ -60,6 +64,8 @@ pub struct Recorder<'a> {
     last: (Option<u64>, Option<u64>),
     begin: Instant,
     cpu_begin: Option<f64>,
+    /// Seconds of earlier parts of the run: wall, processor.
+    before: [f64; 2],
     /// Seconds spent on writing, which do not count for the speed of the steps.
     writing: f64,
     error: Option<OutputError>,
@@ -72,8 +78,19 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// What the operating system says about the first files.
     pub fn new(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Result<Self, OutputError> {
-        let resolved = loaded.resolved();
-        write_atomic(&folder.join("scene.resolved.ron"), resolved.as_bytes())?;
+        let mut recorder = Recorder::without_files(loaded, sim, folder, duration);
+        write_atomic(&folder.join("scene.resolved.ron"), loaded.resolved().as_bytes())?;
+        if recorder.history_sampler.wanted() {
+            let columns = recorder.columns();
+            recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
+        }
+        if recorder.frame_sampler.wanted() {
+            recorder.make_frame_folder()?;
+        }
+        Ok(recorder)
+    }
+
+    fn without_files(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Self {
         let (model, output, units) = (&loaded.model, &loaded.scene.output, loaded.scene.units);
         let lines = Lines::of(model, sim);
         let rows = sim.world.resource::<NodeRows>();
@@ -88,7 +105,7 @@ impl<'a> Recorder<'a> {
             model,
             name: loaded.name(),
             units,
-            provenance: provenance(loaded, &resolved),
+            provenance: provenance(loaded, &loaded.resolved()),
             dummies: dummies.collect(),
             scenery: None,
             probes: Probes::new(probes(loaded), units),
@@ -102,6 +119,7 @@ impl<'a> Recorder<'a> {
             last: (None, None),
             begin: Instant::now(),
             cpu_begin: cpu_seconds(),
+            before: [0.0; 2],
             writing: 0.0,
             error: None,
             lines,
@@ -109,15 +127,31 @@ impl<'a> Recorder<'a> {
         if output.pictures && !recorder.lines.lines.is_empty() {
             recorder.scenery = Some(Scenery::of(model, &recorder.lines, surfaces(model), sim));
         }
-        if recorder.history_sampler.wanted() {
-            let columns = recorder.columns();
-            recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
-        }
-        if recorder.frame_sampler.wanted() {
-            let frames = folder.join("frames");
-            std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))?;
-        }
-        Ok(recorder)
+        recorder
+    }
+
+    fn make_frame_folder(&self) -> Result<(), OutputError> {
+        let frames = self.folder.join("frames");
+        std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))
+    }
+
+    /// Seconds of wall time of the whole run so far.
+    pub fn wall(&self) -> f64 {
+        self.before[0] + self.begin.elapsed().as_secs_f64()
+    }
+
+    /// Seconds of processor time, where the system tells.
+    fn cpu(&self) -> Option<f64> {
+        cpu_seconds().zip(self.cpu_begin).map(|(b, a)| self.before[1] + b - a)
+    }
+
+    /// Writes a frame of the present state, whatever the sampling says.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn extra_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        self.make_frame_folder()?;
+        self.write_frame(sim)
     }
 
     /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.
@@ -128,6 +162,11 @@ impl<'a> Recorder<'a> {
     /// The first error of a file, if there was one; the run stops on it.
     pub fn error(&mut self) -> Option<OutputError> {
         self.error.take()
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// The probes with their last values.
@@ -209,105 +248,6 @@ impl<'a> Recorder<'a> {
         }
         Ok(())
     }
-
-    /// Writes what belongs to the end and returns the summary. `status` is that of the summary.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    pub fn finish(mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
-        let wall = self.begin.elapsed().as_secs_f64();
-        let cpu = cpu_seconds().zip(self.cpu_begin).map(|(b, a)| b - a);
-        self.write_row(sim)?;
-        if self.frame_sampler.wanted() {
-            self.write_frame(sim)?;
-        }
-        self.write_picture(sim, "final.png")?;
-        if self.plots
-            && let Some(history) = &self.history
-        {
-            write_atomic(&self.folder.join("history.svg"), self.plot(history).as_bytes())?;
-        }
-        let summary = self.summary(sim, status, wall, cpu);
-        summary.write(&self.folder.join("summary.json"))?;
-        let expected = compare(self.scene, &summary);
-        Ok(Outcome { summary, expected, probes: self.probes, units: self.units, folder: self.folder })
-    }
-
-    fn plot(&self, history: &History) -> String {
-        let time = || Axis::linear(format!("time [{}]", self.units.time()));
-        let mut plots = Vec::new();
-        if !self.dummies.is_empty() {
-            let series = self.dummies.iter().map(|(name, _)| {
-                let label = if self.dummies.len() > 1 { name.trim_start_matches("length ") } else { "" };
-                Series::line(label, history.points("time", name))
-            });
-            plots.push(Plot {
-                title: self.name.clone(),
-                x: time(),
-                y: Axis::linear(format!("length [{}]", self.units.length())),
-                series: series.collect(),
-            });
-        }
-        let names = ["external work", "strain", "kinetic", "contact", "friction", "damping", "axial damping"];
-        // Rounding noise of the first steps would stretch the axis over thirty decades.
-        let curves = names.map(|n| (n, history.points("time", n)));
-        let largest = curves.iter().flat_map(|c| &c.1).fold(0.0f64, |m, p| m.max(p.1));
-        let series = curves.map(|(n, points)| Series::line(n, points.into_iter().filter(|p| p.1 > 1e-7 * largest).collect()));
-        plots.push(Plot {
-            title: if plots.is_empty() { self.name.clone() } else { String::new() },
-            x: time(),
-            y: Axis::log(format!("energy [{}]", self.units.energy())),
-            series: series.into_iter().filter(|s| !s.points.is_empty()).collect(),
-        });
-        panels(&plots, (900, 400 * plots.len() as u32))
-    }
-
-    fn summary(&mut self, sim: &mut Simulation, status: &str, wall: f64, cpu: Option<f64>) -> Summary {
-        let clock = sim.world.resource::<Clock>().clone();
-        let (e, contacts) = (ledger(sim), contacts(sim));
-        let elements: usize = sim.world.get_resource::<KindReports>().map_or(0, |k| k.0.iter().map(|k| k.count).sum());
-        Summary {
-            scene: self.name.clone(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            status: status.into(),
-            time: finite(clock.time),
-            steps: clock.step,
-            dt: finite(clock.dt),
-            dt_limit: DtLimit { value: finite(clock.dt_limit), by: clock.limited_by },
-            nodes: self.model.nodes.len(),
-            elements,
-            contacts: contacts.active,
-            lists: match contacts.rebuilds {
-                0 => Lists::default(),
-                n => Lists { rebuilds: Some(n), steps_per_list: finite(clock.step as f64 / n as f64), records: Some(contacts.records) },
-            },
-            threads: rayon::current_num_threads(),
-            wall_s: wall,
-            cpu_s: cpu,
-            element_steps_per_s: finite(elements as f64 * clock.step as f64 / (wall - self.writing)),
-            share: timing::share(&sim.world),
-            energy: Energies {
-                external_work: finite(e.external_work),
-                kinetic: finite(e.kinetic),
-                strain: finite(e.strain),
-                contact: finite(e.contact),
-                friction: finite(e.friction),
-                damping: finite(e.damping + e.axial),
-                balance_error: finite(e.balance_error()),
-            },
-            quality: Quality {
-                force_residual: quality::force_residual(&self.lines, sim).and_then(finite),
-                dummy_balance: quality::dummy_balance(self.model, sim).and_then(finite),
-                kinetic_to_work: finite(e.kinetic / e.external_work.abs()),
-                max_penetration_to_radius: finite(contacts.max_penetration_to_radius),
-                p99_penetration_to_radius: finite(contacts.p99_penetration_to_radius),
-                stiffness_raised: Some(contacts.raised).filter(|r| *r > 0.0),
-            },
-            measures: measures(self.model, sim, self.units),
-            probes: self.probes.values(),
-            state_hash: state_hash(&mut sim.world),
-        }
-    }
 }
 
 impl Observer for Recorder<'_> {
@@ -322,20 +262,6 @@ impl Observer for Recorder<'_> {
     fn stop_requested(&self) -> bool {
         self.error.is_some()
     }
-}
-
-/// What is left of a run when its files are written.
-pub struct Outcome {
-    /// The content of `summary.json`.
-    pub summary: Summary,
-    /// Expected values of the scene against what came out.
-    pub expected: Vec<Comparison>,
-    /// The probes with their last values.
-    pub probes: Probes,
-    /// Unit system of all numbers.
-    pub units: UnitSystem,
-    /// The output folder.
-    pub folder: PathBuf,
 }
 
 fn ledger(sim: &Simulation) -> EnergyLedger {

@@ -1,21 +1,28 @@
 //! When something is written.
 use crate::scene::schema::Sampling;
+use serde::{Deserialize, Serialize};
 
 /// Tells when the next sample is due. Samples at the start and at the end are not its business:
 /// the recorder takes those unless the sampling is `Never`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Sampler {
     rule: Rule,
     next_time: f64,
     next_step: u64,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Rule {
     Never,
     Ends,
     Every(f64),
     Steps(u64),
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Sampler::new(Sampling::Never, None)
+    }
 }
 
 impl Sampler {

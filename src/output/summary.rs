@@ -19,6 +19,7 @@
 //! Numbers that are not finite are written as null.
 use super::file::{OutputError, write_atomic};
 use crate::assembly::node_states;
+use crate::ledger::EnergyLedger;
 use bevy_ecs::prelude::World;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -50,6 +51,21 @@ pub struct Energies {
     pub damping: Option<f64>,
     /// Work not accounted for, relative to the largest term.
     pub balance_error: Option<f64>,
+}
+
+impl Energies {
+    /// The energies of a ledger.
+    pub fn of(e: &EnergyLedger) -> Self {
+        Energies {
+            external_work: finite(e.external_work),
+            kinetic: finite(e.kinetic),
+            strain: finite(e.strain),
+            contact: finite(e.contact),
+            friction: finite(e.friction),
+            damping: finite(e.damping + e.axial),
+            balance_error: finite(e.balance_error()),
+        }
+    }
 }
 
 /// How far the result can be trusted. Null where a figure has no meaning for the model.
@@ -122,6 +138,16 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Reads the summary in an output folder.
+    ///
+    /// # Errors
+    /// What the operating system says; a file of another program.
+    pub fn read(folder: &Path) -> Result<Self, OutputError> {
+        let path = folder.join("summary.json");
+        let fail = |e: std::io::Error| OutputError::io("read", &path, e);
+        serde_json::from_slice(&std::fs::read(&path).map_err(fail)?).map_err(|e| fail(e.into()))
+    }
+
     /// Writes the file.
     ///
     /// # Errors

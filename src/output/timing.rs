@@ -65,6 +65,18 @@ pub fn reset(world: &mut World) {
     }
 }
 
+/// What was measured so far, for [`go_on`]; empty without [`install`].
+pub fn so_far(world: &World) -> Vec<u64> {
+    world.get_resource::<StepTimer>().map_or(Vec::new(), |t| t.nanoseconds.to_vec())
+}
+
+/// Goes on from what was measured in an earlier part of the run.
+pub fn go_on(world: &mut World, nanoseconds: &[u64]) {
+    if let (Some(mut timer), Ok(before)) = (world.get_resource_mut::<StepTimer>(), nanoseconds.try_into()) {
+        timer.nanoseconds = before;
+    }
+}
+
 /// Fraction of the measured wall time per set; empty without [`install`] or before the first
 /// measured step.
 pub fn share(world: &World) -> BTreeMap<String, f64> {

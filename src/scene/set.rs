@@ -73,7 +73,7 @@ fn replace(text: &str, range: Range<usize>, new: &str) -> String {
 fn as_ron(value: &str, before: Option<&str>) -> String {
     let value = value.trim();
     let word = value.chars().all(|c| c.is_alphanumeric() || c == '_') && value.starts_with(|c: char| c.is_alphabetic());
-    let quoted = word && before.is_some_and(|b| b.starts_with('"'));
+    let quoted = word && value != "None" && before.is_some_and(|b| b.starts_with('"'));
     if !quoted && ron::value::RawValue::from_ron(value).is_ok() { value.to_string() } else { format!("{value:?}") }
 }
 
@@ -89,6 +89,7 @@ mod tests {
         assert!(done("tow.model", "Trusses").unwrap().contains("model: Trusses)"));
         assert!(done("title", "word").unwrap().contains("title: \"word\""));
         assert!(done("load.force", "2 mN").unwrap().starts_with("(load: (force: \"2 mN\"), tow"));
+        assert!(done("title", "None").unwrap().contains("title: None"), "what may be left out is left out");
         assert!(done("tow.radius", "2.5um").unwrap().contains("(radius: \"2.5um\", filaments"));
         assert!(done("maps.y", "2").unwrap().contains("{\"y\": 2, \"x\""));
         assert!(done("m.b", "2").unwrap().contains("Some((b: 2, a: 1))"));

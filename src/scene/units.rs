@@ -7,8 +7,10 @@
 //! `"2.5 um"` is the same bits as `0.0025` in millimetres.
 mod text;
 mod vector;
+mod wall;
 
 pub use vector::{Point, Triple, list, list_option, lists};
+pub use wall::WallTime;
 
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -234,6 +236,14 @@ macro_rules! quantities {
 
         impl $name {
             const KIND: Kind = Kind { name: $words, dimension: [$l, $m, $t, $a], example: $example };
+
+            /// Reads a text as a scene does: a number, with or without a unit, in the unit system in force.
+            ///
+            /// # Errors
+            /// What is wrong with the text, and what would be right.
+            pub fn parse(text: &str) -> Result<Self, String> {
+                Self::KIND.of_text(text, UnitSystem::current()).map($name)
+            }
         }
 
         impl<'de> Deserialize<'de> for $name {

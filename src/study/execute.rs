@@ -56,8 +56,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Time between two events at least.
 const BEAT: Duration = Duration::from_millis(500);
 
-/// Exit code of a run that was stopped with Ctrl-C.
-const STOPPED: i32 = 130;
+/// Exit codes of a run that was stopped.
+const STOPPED: [i32; 2] = [75, 130];
 
 /// A folder that belongs to one study at a time.
 #[derive(Debug)]
@@ -223,7 +223,7 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
         std::thread::sleep(LOOK);
     };
     // Ctrl-C reaches the run, too, and may end it before it ends this study.
-    if status.code() == Some(STOPPED) || (stop() && !status.success()) {
+    if status.code().is_some_and(|c| STOPPED.contains(&c)) || (stop() && !status.success()) {
         return Ok(None);
     }
     let (exit_code, process_s) = (status.code(), begin.elapsed().as_secs_f64());

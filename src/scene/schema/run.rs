@@ -2,6 +2,7 @@
 use super::NodeRef;
 use crate::scene::units::*;
 use serde::{Deserialize, Serialize};
+use std::time::Duration;
 
 /// Damping.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
@@ -140,8 +141,8 @@ pub struct OutputSpec {
     pub frames: Sampling,
     /// Rows of `history.csv`. Default `Count(400)`.
     pub history: Sampling,
-    /// Checkpoints. Default `Never`.
-    pub checkpoint: Sampling,
+    /// Wall-clock time between checkpoints; `None` writes one only when the run is stopped. Default `"10 min"`.
+    pub checkpoint: Option<WallTime>,
     /// `initial.png` and `final.png`. Default true.
     pub pictures: bool,
     /// SVG plots of the history. Default true.
@@ -150,7 +151,13 @@ pub struct OutputSpec {
 
 impl Default for OutputSpec {
     fn default() -> Self {
-        OutputSpec { frames: Sampling::Count(20), history: Sampling::Count(400), checkpoint: Sampling::Never, pictures: true, plots: true }
+        OutputSpec {
+            frames: Sampling::Count(20),
+            history: Sampling::Count(400),
+            checkpoint: Some(WallTime(Duration::from_secs(600))),
+            pictures: true,
+            plots: true,
+        }
     }
 }
 

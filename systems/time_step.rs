@@ -44,11 +44,13 @@ fn follow_limit(world: &mut World) {
     let rule = *world.resource::<StepRule>();
     let step = world.resource::<Clock>().step;
     let changed = std::mem::take(&mut world.resource_mut::<StiffnessChanged>().0);
-    if step == 0 || !(changed || step.is_multiple_of(rule.every)) || world.resource::<Failure>().0.is_some() {
+    // Often at first: what begins without tension may soon be stiff.
+    let look = step.is_multiple_of(rule.every) || step.is_power_of_two() && step < rule.every;
+    if step == 0 || !(changed || look) || world.resource::<Failure>().0.is_some() {
         return;
     }
     let known = std::mem::take(&mut world.resource_mut::<ElementBounds>().0);
-    let elements = if known.is_empty() || step.is_multiple_of(rule.every) { element_bounds(world) } else { known };
+    let elements = if known.is_empty() || look { element_bounds(world) } else { known };
     let (limit, by) = limit_with(world, &elements);
     world.resource_mut::<ElementBounds>().0 = elements;
     let mut clock = world.resource_mut::<Clock>();

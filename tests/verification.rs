@@ -5,7 +5,8 @@ use braid_ecs::systems::default_plugins;
 use braid_ecs::verify::verify;
 use std::path::Path;
 
-const QUICK: [&str; 11] = [
+const QUICK: [&str; 24] = [
+    "BR04_diamond",
     "CF01_capstan_polygon",
     "CF01_capstan_moving",
     "CF02_helix_pressure",
@@ -17,6 +18,18 @@ const QUICK: [&str; 11] = [
     "CF10_band_corner",
     "CF17_friction_direction",
     "CF17_friction_direction_90",
+    "DY08_step_of_bars",
+    "DY14_elastic_pendulum",
+    "DY15_spinning_ring",
+    "PM02_lattices_free",
+    "PM04_honeycomb",
+    "PM06_periodic_chain",
+    "PM07_lever",
+    "PM08_embedded_beam",
+    "SL01_elastica",
+    "SL09_two_bar_truss",
+    "SL11_star_dome",
+    "SL12_catenary",
 ];
 
 #[test]

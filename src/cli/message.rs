@@ -63,12 +63,10 @@ impl Failure {
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
             Failure::Output(e @ OutputError::Occupied { path }) => {
-                let go_on = if path.join("study.json").exists() {
-                    "with --resume"
-                } else {
-                    "if it is unfinished: braid-ecs resume DIR"
-                };
-                format!("error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on {go_on}")
+                let go_on = if path.join("study.json").exists() { "with --resume" } else { "if it is unfinished: braid-ecs resume DIR" };
+                format!(
+                    "error: {e}\n  help: choose another folder with --out DIR, add --force to move the old results aside, or go on {go_on}"
+                )
             }
             Failure::Study(e @ StudyError::Changed(_)) => {
                 format!("error: {e}\n  help: choose another folder with --out DIR, or add --force instead of --resume to run all rows anew")
@@ -78,7 +76,9 @@ impl Failure {
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),
             Failure::Checkpoint(e) => format!("error: {e}"),
-            Failure::StudyStopped => "stopped before its end; rows that have finished are kept, and --resume goes on with the others".into(),
+            Failure::StudyStopped => {
+                "stopped before its end; rows that have finished are kept, and --resume goes on with the others".into()
+            }
             Failure::Stopped(folder) => format!("stopped before its end; to go on: braid-ecs resume {}", folder.display()),
         }
     }

@@ -61,12 +61,22 @@ pub fn chains(cx: &Install<'_>, springs: &[(usize, usize, [u32; 2], AxialSpring)
             at.entry(carrier(*r).expect("filtered above")).or_default().push(b);
         }
     }
+    // A dummy node that moves on its own, beside a held node, joins bars across the chains: that is left to the
+    // explicit scheme.
+    let weight = |row: usize, axis: usize| {
+        let entity = cx.world.resource::<NodeEntities>().0[row];
+        cx.world.get::<InverseMass>(entity).map_or(0.0, |w| w.0[axis])
+    };
+    let tied = |row: u32| {
+        let Some((c, carried)) = constraints.and_then(|c| Some((c, c.carried(row as usize)?))) else { return true };
+        carried.dummies.iter().all(|d| (0..3).all(|axis| c.border_member(*d, axis).is_some() || weight(*d, axis) == 0.0))
+    };
     let open = |vertex: usize| !held[vertex] && at[&vertex].len() <= 2;
     let usable: Vec<bool> = bars
         .iter()
         .map(|(rows, ..)| {
             let [a, b] = rows.map(|r| carrier(r).expect("filtered above"));
-            a != b && (held[a] || open(a)) && (held[b] || open(b))
+            a != b && (held[a] || open(a)) && (held[b] || open(b)) && rows.iter().all(|r| tied(*r))
         })
         .collect();
     let mut used = vec![false; bars.len()];

@@ -62,8 +62,8 @@ fn the_list_is_what_brute_force_finds() {
     }
 }
 
-/// One node swings so fast that it leaves half the skin in two steps: lists last nevertheless, and
-/// hold whatever touches.
+/// One node swings so fast that it leaves half the skin in two steps, which would make 100 lists in 300 steps: a
+/// list lasts at least for half a swing nevertheless, and holds whatever touches.
 #[test]
 fn a_node_that_whips_gets_room_of_its_own() {
     let mut model = Model::new("");
@@ -95,7 +95,8 @@ fn a_node_that_whips_gets_room_of_its_own() {
             }
         }
     }
-    assert!(after - before < 30, "{} lists in 300 steps", after - before);
+    // Half a swing takes 10.5 steps, and a list may end in the look before.
+    assert!(after - before < 40, "{} lists in 300 steps", after - before);
 }
 
 #[test]

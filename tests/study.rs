@@ -451,5 +451,5 @@ fn the_studies_of_the_project_are_sound() {
         assert!(plan.rows.iter().any(|r| r.reference.is_some()), "{path:?}");
     }
     names.sort();
-    assert_eq!(names, ["cantilever", "convergence", "filaments", "friction", "load", "paper"]);
+    assert_eq!(names, ["cantilever", "convergence", "filaments", "friction", "load", "mesh", "paper"]);
 }

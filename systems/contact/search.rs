@@ -79,6 +79,8 @@ const CARE: f64 = 1.5;
 const KEPT: f64 = 0.9;
 /// Share of the nodes that get more room before all nodes get a shorter time.
 const WHIPS: f64 = 0.02;
+/// Speed over that of the fastest node below which the others do not matter for the time.
+const SLOWEST: f64 = 0.01;
 /// Nodes or pairs per parallel chunk.
 const CHUNK: usize = 2048;
 
@@ -223,11 +225,19 @@ impl Search {
         self.reference_shift.clone_from(&now.shift);
         self.elapsed = 0.0;
 
-        // Nodes must not pass many segments of their neighbours while the list lasts.
-        let moving = || (0..now.x.len()).filter(|&i| lines.slots[i].spacing > 0.0);
-        let drift = moving().map(|i| self.forecast[i]).sum::<DVec3>() / moving().count().max(1) as f64;
-        let fastest = moving().map(|i| (self.forecast[i] - drift).length_squared()).fold(0.0, f64::max).sqrt();
-        self.horizon = self.horizon.min(FARTHEST * lines.mean_length / fastest);
+        // Nodes must not pass many segments of their neighbours while the list lasts. Single ones that whip about
+        // do not shorten the time of the others: they are taken to stay with them, and get room for it.
+        let moving: Vec<usize> = (0..now.x.len()).filter(|&i| lines.slots[i].spacing > 0.0).collect();
+        let drift = moving.iter().map(|i| self.forecast[*i]).sum::<DVec3>() / moving.len().max(1) as f64;
+        let speed: Vec<f64> = moving.iter().map(|i| (self.forecast[*i] - drift).length()).collect();
+        let fastest = speed.iter().copied().fold(0.0, f64::max);
+        let usual = all_but_few(speed.clone()).max(SLOWEST * fastest);
+        let farthest = FARTHEST * lines.mean_length;
+        self.horizon = self.horizon.min(farthest / usual);
+        for (i, speed) in moving.into_iter().zip(speed).filter(|(_, speed)| speed * self.horizon > farthest) {
+            self.forecast[i] = drift;
+            self.room[i] = self.room[i].max((CARE * speed * self.horizon).min(farthest));
+        }
         if !(self.horizon.is_finite() && fastest > 0.0) {
             // Nothing moves yet.
             self.horizon = f64::INFINITY;
@@ -251,9 +261,7 @@ impl Search {
             self.horizon = STRETCH * self.horizon.max(time);
         } else {
             // It came too early: the time in which all but a few stay in the least room, and those in the most.
-            let mut order = rate.clone();
-            let few = order.len() - 1 - (WHIPS * order.len() as f64) as usize;
-            let usual = *order.select_nth_unstable_by(few, f64::total_cmp).1;
+            let usual = all_but_few(rate.clone());
             let largest = rate.iter().copied().fold(0.0, f64::max);
             self.horizon = (least / (CARE * usual)).min(most / (CARE * largest)).max(time).min(self.horizon);
         }
@@ -321,6 +329,15 @@ impl Search {
         }
         let reach = now.x[a][3] + now.x[b][3] + self.room_of(a) + self.room_of(b) + self.bulge[a] + self.bulge[b] + approach.sqrt();
         segment_distance_squared(x[a], x[a + 1], x[b] + shift, x[b + 1] + shift) < reach * reach
+    }
+}
+
+/// The largest but for the few that may whip about.
+fn all_but_few(mut values: Vec<f64>) -> f64 {
+    let few = (WHIPS * values.len() as f64) as usize;
+    match values.len().checked_sub(1 + few) {
+        Some(k) => *values.select_nth_unstable_by(k, f64::total_cmp).1,
+        None => 0.0,
     }
 }
 

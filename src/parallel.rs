@@ -49,37 +49,6 @@ pub fn chunks3_mut<A: Send, B: Sync, C: Send>(
     }
 }
 
-/// Runs `f` on the number of every row and the row of two columns that are written.
-pub fn rows2<A: Send, B: Send>(a: &mut [A], b: &mut [B], chunk: usize, f: impl Fn(usize, &mut A, &mut B) + Sync) {
-    assert_eq!(a.len(), b.len(), "columns of one table have one length");
-    let run = |first: usize, a: &mut [A], b: &mut [B]| a.iter_mut().zip(b).enumerate().for_each(|(i, (a, b))| f(first + i, a, b));
-    if serial(a.len(), chunk) {
-        run(0, a, b);
-    } else {
-        a.par_chunks_mut(chunk).zip(b.par_chunks_mut(chunk)).enumerate().for_each(|(k, (a, b))| run(k * chunk, a, b));
-    }
-}
-
-/// Runs `f` on the number of every row and the row of three columns that are written.
-pub fn rows3<A: Send, B: Send, C: Send>(
-    a: &mut [A],
-    b: &mut [B],
-    c: &mut [C],
-    chunk: usize,
-    f: impl Fn(usize, &mut A, &mut B, &mut C) + Sync,
-) {
-    assert!(a.len() == b.len() && b.len() == c.len(), "columns of one table have one length");
-    let run = |first: usize, a: &mut [A], b: &mut [B], c: &mut [C]| {
-        a.iter_mut().zip(b).zip(c).enumerate().for_each(|(i, ((a, b), c))| f(first + i, a, b, c));
-    };
-    if serial(a.len(), chunk) {
-        run(0, a, b, c);
-    } else {
-        let parts = a.par_chunks_mut(chunk).zip(b.par_chunks_mut(chunk)).zip(c.par_chunks_mut(chunk));
-        parts.enumerate().for_each(|(k, ((a, b), c))| run(k * chunk, a, b, c));
-    }
-}
-
 /// Those of the picked rows (in order) that lie in a range.
 fn picked_in(picked: &[u32], rows: Range<usize>) -> &[u32] {
     &picked[picked.partition_point(|i| (*i as usize) < rows.start)..picked.partition_point(|i| (*i as usize) < rows.end)]

@@ -9,7 +9,7 @@
 //! | `lock` | held by the program that runs |
 use super::format::{Checkpoint, Fault, Header, SceneHash};
 use crate::output::OutputError;
-use crate::output::file::{sync_folder, write_atomic};
+use crate::output::file::{lock, remove, sync_folder, write_atomic};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -68,8 +68,8 @@ const ALL: [&str; 4] = [RING[0], RING[1], STOPPED, END];
 pub struct Store {
     folder: PathBuf,
     next: usize,
-    /// Held as long as this lives; the system lets go of it however the program ends.
-    _lock: Option<File>,
+    /// Held as long as this lives.
+    _lock: File,
 }
 
 /// The checkpoint to go on from.
@@ -88,17 +88,14 @@ fn folder_of(out: &Path) -> PathBuf {
     out.join("checkpoints")
 }
 
-/// The lock of a folder: `None` where the file system has no locks.
-fn lock(out: &Path) -> Result<Option<File>, CheckpointError> {
+fn hold(out: &Path) -> Result<File, CheckpointError> {
     let path = folder_of(out).join("lock");
-    let file = File::create(&path).map_err(|e| OutputError::io("write", &path, e))?;
     for _ in 0..TRIES {
-        match file.try_lock() {
-            Ok(()) => return Ok(Some(file)),
-            // Somebody who only looks holds the lock for a moment.
-            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(20)),
-            Err(TryLockError::Error(_)) => return Ok(None),
+        if let Some(file) = lock(&path)? {
+            return Ok(file);
         }
+        // Somebody who only looks holds the lock for a moment.
+        std::thread::sleep(Duration::from_millis(20));
     }
     Err(CheckpointError::InUse(out.to_owned()))
 }
@@ -120,7 +117,7 @@ impl Store {
     pub fn create(out: &Path, scene: &str) -> Result<Self, CheckpointError> {
         let folder = folder_of(out);
         fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
-        let lock = lock(out)?;
+        let lock = hold(out)?;
         ALL.iter().try_for_each(|name| remove(&folder.join(name)))?;
         write_atomic(&folder.join(SCENE), scene.as_bytes())?;
         Ok(Store { folder, next: 0, _lock: lock })
@@ -134,7 +131,7 @@ impl Store {
         if !folder_of(out).join(SCENE).exists() {
             return Err(CheckpointError::NoRun(out.to_owned()));
         }
-        Ok(Store { folder: folder_of(out), next: 0, _lock: lock(out)? })
+        Ok(Store { folder: folder_of(out), next: 0, _lock: hold(out)? })
     }
 
     /// Finds the newest checkpoint, or takes the file `from`. Nothing is changed.
@@ -241,11 +238,4 @@ const TRIES: u32 = 25;
 fn read(path: &Path, scene: SceneHash) -> Result<Result<Checkpoint, Fault>, OutputError> {
     let bytes = fs::read(path).map_err(|e| OutputError::io("read", path, e))?;
     Ok(Checkpoint::decode(&bytes, scene))
-}
-
-fn remove(path: &Path) -> Result<(), OutputError> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(OutputError::io("remove", path, e)),
-        _ => Ok(()),
-    }
 }

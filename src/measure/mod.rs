@@ -21,5 +21,5 @@ pub use line::{TowLine, Trace, initial_traces, polyline_length, segment_distance
 pub use node_ref::NodeRef;
 pub use probe::{Component, EnergyTerm, ProbeSpec, SectionTerm};
 pub use reading::{Probe, Quantity, Reduce, position};
-pub use stats::Estimate;
+pub use stats::{Estimate, quantile};
 pub use topology::{Passage, passages, signed_crossings};

@@ -20,8 +20,7 @@ impl Estimate {
         let mean = values.iter().sum::<f64>() / n as f64;
         let ci95 = (n > 1).then(|| {
             let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1) as f64;
-            let student = StudentsT::new(0.0, 1.0, (n - 1) as f64).expect("positive degrees of freedom");
-            student.inverse_cdf(0.975) * (variance / n as f64).sqrt()
+            quantile(n) * (variance / n as f64).sqrt()
         });
         Estimate { mean, ci95, n }
     }
@@ -30,6 +29,14 @@ impl Estimate {
     pub fn scaled(self, factor: f64) -> Self {
         Estimate { mean: self.mean * factor, ci95: self.ci95.map(|c| c * factor.abs()), n: self.n }
     }
+}
+
+/// Student's t(0.975, n - 1): half the 95 % interval of the mean of `n` values over its standard error.
+///
+/// # Panics
+/// For fewer than two values.
+pub fn quantile(n: usize) -> f64 {
+    StudentsT::new(0.0, 1.0, n as f64 - 1.0).expect("two values at least").inverse_cdf(0.975)
 }
 
 #[cfg(test)]

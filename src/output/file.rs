@@ -1,4 +1,5 @@
 //! Files that are either whole or absent, and the folder that a run writes into.
+use serde::Serialize;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -47,6 +48,38 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 /// What the operating system says about the folder or the disk.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     write_part(path, bytes, false)
+}
+
+/// A value as indented JSON with a line break at the end.
+pub fn json(value: &impl Serialize) -> Vec<u8> {
+    let mut text = serde_json::to_vec_pretty(value).expect("numbers and texts only");
+    text.push(b'\n');
+    text
+}
+
+/// Removes a file; one that is not there is no error.
+///
+/// # Errors
+/// What the operating system says.
+pub fn remove(path: &Path) -> Result<(), OutputError> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(OutputError::io("remove", path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Takes the lock of a file, which is made for it; none if another program holds it. The system lets
+/// go of it when the file is dropped, or the program ends, however it does. Where the file system
+/// knows no locks, everybody gets it.
+///
+/// # Errors
+/// What the operating system says about the file.
+pub fn lock(path: &Path) -> Result<Option<fs::File>, OutputError> {
+    let file = fs::File::create(path).map_err(|e| OutputError::io("write", path, e))?;
+    match file.try_lock() {
+        Err(fs::TryLockError::WouldBlock) => Ok(None),
+        Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(Some(file)),
+    }
 }
 
 /// Waits until the names in a folder are on the disk.

@@ -106,7 +106,7 @@ pub fn panels(plots: &[Plot], size: (u32, u32)) -> String {
 /// Why drawing cannot fail.
 pub(crate) const SVG: &str = "writing SVG to memory does not fail";
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
 fn draw(area: &Area<'_>, plot: &Plot) {
     let place = |axis: &Axis, v: f64| if axis.log { v.log10() } else { v };
@@ -125,22 +125,7 @@ fn draw(area: &Area<'_>, plot: &Plot) {
         .collect();
     let x = range(curves.iter().flatten().map(|p| p[0]), plot.x.log, 0.0);
     let y = range(curves.iter().flatten().flat_map(|p| p[1..].iter().copied()), plot.y.log, 0.05);
-    let mut builder = ChartBuilder::on(area);
-    builder.margin(12).margin_right(24).x_label_area_size(44).y_label_area_size(82);
-    if !plot.title.is_empty() {
-        builder.caption(&plot.title, ("sans-serif", 17));
-    }
-    let mut chart = builder.build_cartesian_2d(Scale::new(x, plot.x.log), Scale::new(y, plot.y.log)).expect(SVG);
-    chart
-        .configure_mesh()
-        .x_desc(&plot.x.label)
-        .y_desc(&plot.y.label)
-        .max_light_lines(0)
-        .bold_line_style(RGBColor(225, 225, 225))
-        .label_style(("sans-serif", 13))
-        .axis_desc_style(("sans-serif", 15))
-        .draw()
-        .expect(SVG);
+    let mut chart = frame(area, &plot.title, (&plot.x, x), (&plot.y, y));
     for (i, (series, points)) in plot.series.iter().zip(&curves).enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
         let style = colour.stroke_width(2);
@@ -165,6 +150,32 @@ fn draw(area: &Area<'_>, plot: &Plot) {
             .draw()
             .expect(SVG);
     }
+}
+
+/// The empty diagram: title, both axes with their ranges, grid and labels.
+pub(crate) fn frame<'a>(
+    area: &Area<'a>,
+    title: &str,
+    (x_axis, x): (&Axis, (f64, f64)),
+    (y_axis, y): (&Axis, (f64, f64)),
+) -> ChartContext<'a, SVGBackend<'a>, Cartesian2d<Scale, Scale>> {
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).margin_right(24).x_label_area_size(44).y_label_area_size(82);
+    if !title.is_empty() {
+        builder.caption(title, ("sans-serif", 17));
+    }
+    let mut chart = builder.build_cartesian_2d(Scale::new(x, x_axis.log), Scale::new(y, y_axis.log)).expect(SVG);
+    chart
+        .configure_mesh()
+        .x_desc(&x_axis.label)
+        .y_desc(&y_axis.label)
+        .max_light_lines(0)
+        .bold_line_style(RGBColor(225, 225, 225))
+        .label_style(("sans-serif", 13))
+        .axis_desc_style(("sans-serif", 15))
+        .draw()
+        .expect(SVG);
+    chart
 }
 
 /// The corner in whose third of the diagram the fewest points lie.

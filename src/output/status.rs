@@ -9,7 +9,7 @@
 //! | `wall_s` | seconds of wall time so far, earlier parts included |
 //! | `energy`, `contacts` | of the last look at them; contacts are those that carry a force |
 //! | `checkpoint` | step of the last checkpoint, of this part of the run |
-use super::file::{OutputError, replace};
+use super::file::{OutputError, json, replace};
 use super::summary::{Energies, finite};
 use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::simulation::Simulation;
@@ -91,9 +91,7 @@ impl RunStatus {
     /// # Errors
     /// What the operating system says.
     pub fn write(&self, folder: &Path) -> Result<(), OutputError> {
-        let mut text = serde_json::to_string_pretty(self).expect("numbers and texts only");
-        text.push('\n');
-        replace(&folder.join(FILE), text.as_bytes())
+        replace(&folder.join(FILE), &json(self))
     }
 
     /// Reads the file of an output folder.

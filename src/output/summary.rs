@@ -17,7 +17,7 @@
 //! | `state_hash` | 32 bytes in hexadecimal over the state of all nodes; see [`state_hash`] |
 //!
 //! Numbers that are not finite are written as null.
-use super::file::{OutputError, write_atomic};
+use super::file::{OutputError, json, write_atomic};
 use crate::assembly::node_states;
 use crate::ledger::EnergyLedger;
 use bevy_ecs::prelude::World;
@@ -153,9 +153,7 @@ impl Summary {
     /// # Errors
     /// What the operating system says.
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
-        let mut text = serde_json::to_string_pretty(self).expect("numbers and texts only");
-        text.push('\n');
-        write_atomic(path, text.as_bytes())
+        write_atomic(path, &json(self))
     }
 }
 

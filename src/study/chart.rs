@@ -1,5 +1,5 @@
 //! A line per row with its value and interval.
-use crate::output::plot::{Axis, COLOURS, SVG, Scale, range};
+use crate::output::plot::{Area, Axis, COLOURS, SVG, Scale, range};
 use plotters::prelude::*;
 
 /// A row of a [`RowChart`].
@@ -78,7 +78,7 @@ impl RowChart {
         Some([ends[0], middle, ends[1]])
     }
 
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>, labels: u32) {
+    fn draw(&self, area: &Area<'_>, labels: u32) {
         let n = self.rows.len();
         let marks: Vec<Option<[f64; 3]>> = self.rows.iter().map(|r| self.interval(r.value?, r.half_width)).collect();
         let others = self.rows.iter().flat_map(|r| &r.others).filter_map(|o| self.interval(o.1, o.2)).flatten();

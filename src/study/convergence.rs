@@ -4,8 +4,8 @@
 //! has no interval.
 use super::results::RowResult;
 use super::schema::Study;
+use crate::measure::quantile;
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// One outcome along the axis, all other labels held.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -57,8 +57,7 @@ pub fn convergence(study: &Study, rows: &[RowResult]) -> Vec<Convergence> {
 
 /// 2 s / sqrt(n) from the half width t s / sqrt(n) of n values.
 fn two_sigma(ci95: f64, n: usize) -> Option<f64> {
-    let student = StudentsT::new(0.0, 1.0, n.checked_sub(1)? as f64).ok()?;
-    Some(2.0 * ci95 / student.inverse_cdf(0.975))
+    (n > 1).then(|| 2.0 * ci95 / quantile(n))
 }
 
 /// Changes between neighbours and their limit, from values and their 2 s / sqrt(n).

@@ -6,9 +6,10 @@ use super::StudyError;
 use super::plan::{Plan, Run};
 use super::record::{self, Ended, Record, Status};
 use crate::output::OutputError;
-use crate::output::file::claim_folder;
+use crate::output::file::{claim_folder, lock};
+use crate::output::summary::Summary;
 use std::collections::VecDeque;
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, mpsc};
@@ -87,7 +88,7 @@ pub fn claim(plan: &Plan, options: &Options) -> Result<Claim, StudyError> {
     let build = fingerprint(&options.program)?;
     let study = folder.join("study.json").exists();
     if folder.join(LOCK).exists() {
-        drop(lock(folder)?);
+        drop(hold(folder)?);
     }
     // Rows are removed before they are run again: they must be those of a study.
     if !study && folder.join("rows").exists() {
@@ -95,7 +96,7 @@ pub fn claim(plan: &Plan, options: &Options) -> Result<Claim, StudyError> {
     }
     let resume = options.existing == Existing::Resume && study;
     let aside = if resume { None } else { claim_folder(folder, options.existing == Existing::MoveAside)? };
-    let lock = lock(folder)?;
+    let lock = hold(folder)?;
     let mut changed = Vec::new();
     let mut kept = Vec::new();
     for run in &plan.runs {
@@ -115,16 +116,8 @@ pub fn claim(plan: &Plan, options: &Options) -> Result<Claim, StudyError> {
 
 const LOCK: &str = ".lock";
 
-fn lock(folder: &Path) -> Result<File, StudyError> {
-    let path = folder.join(LOCK);
-    let fail = |e| StudyError::from(OutputError::io("write", &path, e));
-    let file = File::create(&path).map_err(fail)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(StudyError::Busy(folder.to_owned())),
-        // Some file systems know no locks.
-        Err(TryLockError::Error(_)) => Ok(file),
-    }
+fn hold(folder: &Path) -> Result<File, StudyError> {
+    lock(&folder.join(LOCK))?.ok_or_else(|| StudyError::Busy(folder.to_owned()))
 }
 
 fn fingerprint(program: &Path) -> Result<String, StudyError> {
@@ -228,7 +221,8 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
     }
     let (exit_code, process_s) = (status.code(), begin.elapsed().as_secs_f64());
     let mut record = Record { exit_code, process_s, jobs: options.jobs, ..Record::of(plan, run, build) };
-    let summary = if status.success() { record::summary(&folder) } else { Err(message(&log, &status.to_string())) };
+    let summary =
+        if status.success() { Summary::read(&folder).map_err(|e| e.to_string()) } else { Err(message(&log, &status.to_string())) };
     let summary = match summary {
         Ok(summary) => {
             record.status = Status::Finished;

@@ -2,7 +2,7 @@
 //! without one is of a run that did not end, and is run again.
 use super::StudyError;
 use super::plan::{Plan, Run};
-use crate::output::file::write_atomic;
+use crate::output::file::{json, write_atomic};
 use crate::output::summary::Summary;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -101,9 +101,7 @@ impl Record {
     /// # Errors
     /// What the operating system says.
     pub fn write(&self, folder: &Path) -> Result<(), StudyError> {
-        let mut text = serde_json::to_string_pretty(self).expect("numbers and texts only");
-        text.push('\n');
-        Ok(write_atomic(&folder.join("row.json"), text.as_bytes())?)
+        Ok(write_atomic(&folder.join("row.json"), &json(self))?)
     }
 }
 
@@ -128,12 +126,6 @@ pub fn read(folder: &Path) -> Result<Option<Ended>, StudyError> {
     let broken = |message: String| StudyError::Record { path: path.clone(), message };
     let text = std::fs::read_to_string(&path).map_err(|e| broken(e.to_string()))?;
     let record: Record = serde_json::from_str(&text).map_err(|e| broken(e.to_string()))?;
-    let summary = if record.status == Status::Finished { summary(folder).ok() } else { None };
+    let summary = if record.status == Status::Finished { Summary::read(folder).ok() } else { None };
     Ok(Some(Ended { record, summary }))
-}
-
-/// The summary of a run, or why there is none.
-pub fn summary(folder: &Path) -> Result<Summary, String> {
-    let text = std::fs::read_to_string(folder.join("summary.json")).map_err(|e| format!("cannot read its summary.json: {e}"))?;
-    serde_json::from_str(&text).map_err(|e| format!("cannot read its summary.json: {e}"))
 }

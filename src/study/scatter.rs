@@ -1,6 +1,6 @@
 //! Error against time: what a row costs and how wrong it is.
 use super::chart::{FRONT, OWN, REFERENCE, place};
-use crate::output::plot::{Axis, SVG, Scale, range};
+use crate::output::plot::{Area, Axis, SVG, frame, range};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -46,28 +46,13 @@ impl Scatter {
         svg
     }
 
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) {
+    fn draw(&self, area: &Area<'_>) {
         let points: Vec<(&Point, (f64, f64))> =
             self.points.iter().filter_map(|p| Some((p, (place(&self.x, p.at.0)?, place(&self.y, p.at.1)?)))).collect();
         let lines: Vec<(&str, f64)> = self.lines.iter().filter_map(|l| Some((l.0.as_str(), place(&self.x, l.1)?))).collect();
         let x = range(points.iter().map(|p| p.1.0).chain(lines.iter().map(|l| l.1)), self.x.log, 0.12);
         let y = range(points.iter().map(|p| p.1.1), self.y.log, 0.12);
-        let mut builder = ChartBuilder::on(area);
-        builder.margin(12).margin_right(24).x_label_area_size(44).y_label_area_size(82);
-        if !self.title.is_empty() {
-            builder.caption(&self.title, ("sans-serif", 17));
-        }
-        let mut chart = builder.build_cartesian_2d(Scale::new(x, self.x.log), Scale::new(y, self.y.log)).expect(SVG);
-        chart
-            .configure_mesh()
-            .x_desc(&self.x.label)
-            .y_desc(&self.y.label)
-            .max_light_lines(0)
-            .bold_line_style(RGBColor(225, 225, 225))
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 15))
-            .draw()
-            .expect(SVG);
+        let mut chart = frame(area, &self.title, (&self.x, x), (&self.y, y));
         // The front as steps: what error is had for at most this time.
         let mut front: Vec<(f64, f64)> = points.iter().filter(|p| p.0.front).map(|p| p.1).collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -24,7 +24,7 @@ pub struct Study {
     pub axes: Vec<AxisSpec>,
     /// Rows one by one, behind those of the axes.
     #[serde(default)]
-    pub rows: Vec<RowSpec>,
+    pub rows: Vec<PointSpec>,
     /// Labels of the row that errors are relative to, one per axis, `*` for the label of the row itself.
     #[serde(default)]
     pub reference: Option<Vec<String>>,
@@ -54,25 +54,11 @@ pub struct AxisSpec {
     pub points: Vec<PointSpec>,
 }
 
-/// A point of an axis.
+/// A point of an axis, or a row by itself.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointSpec {
-    /// Name of the point. Must be given.
-    pub label: String,
-    /// Another scene, relative to the study file.
-    #[serde(default)]
-    pub scene: Option<String>,
-    /// Changes of the scene.
-    #[serde(default)]
-    pub set: Sets,
-}
-
-/// A row by itself.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RowSpec {
-    /// Name of the row. Must be given.
+    /// Its name. Must be given.
     pub label: String,
     /// Another scene, relative to the study file.
     #[serde(default)]

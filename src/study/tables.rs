@@ -13,7 +13,7 @@ use super::plan::Plan;
 use super::results::{Results, RowResult};
 use super::schema::{ErrorSpec, PublishedValue};
 use super::text::{percent, seconds, signed_percent, with_interval};
-use crate::output::file::write_atomic;
+use crate::output::file::{json, write_atomic};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -135,9 +135,7 @@ pub(super) fn write(plan: &Plan, results: &Results, machine: &Machine, state: St
         results,
         text: &plan.file.text,
     };
-    let mut text = serde_json::to_string_pretty(&document).expect("numbers and texts only");
-    text.push('\n');
-    write_atomic(&folder.join("study.json"), text.as_bytes())?;
+    write_atomic(&folder.join("study.json"), &json(&document))?;
     Ok(write_atomic(&folder.join("study.csv"), &csv(plan, results))?)
 }
 

@@ -50,8 +50,8 @@ impl Default for InnerList {
 }
 
 impl InnerList {
-    /// Decides, after a step of `dt`, whether a look is due in it.
-    pub fn follow(&mut self, search: &Search, lines: &Lines, x: &[Position], dt: f64) {
+    /// Decides, after a step of `dt` to the positions `x` and the image vectors `shift`, whether a look is due in it.
+    pub fn follow(&mut self, search: &Search, lines: &Lines, x: &[Position], shift: &[DVec3], dt: f64) {
         self.elapsed += dt;
         self.due |= self.reference.len() != lines.rows.len() || self.elapsed > self.horizon * (1.0 + 1e-9);
         if self.due {
@@ -59,9 +59,7 @@ impl InnerList {
         }
         let left = |k: usize| x[lines.rows[k] as usize].0 - self.reference[k];
         let nodes = search.farthest(lines, self.elapsed, left);
-        let mut shift = Vec::new();
-        lines.images.vectors(|row| x[row].0, &mut shift);
-        let used = nodes + search.period_left(&shift, &self.shift, self.elapsed);
+        let used = nodes + search.period_left(shift, &self.shift, self.elapsed);
         if used.is_nan() || used > self.share {
             self.due = true;
             self.share = (self.share * FOLLOW[0]).min(SHARE[1]);
@@ -189,19 +187,15 @@ impl Marks {
         }
     }
 
-    /// Of line records: node and segment.
-    pub fn lines(&mut self, records: &[LineRecord]) {
-        for r in records {
-            self.frame(r.node);
-            self.segment(r.segment);
-        }
+    /// What a line record needs: node and segment.
+    pub fn line(&mut self, record: &LineRecord) {
+        self.frame(record.node);
+        self.segment(record.segment);
     }
 
-    /// Of point records: both segments.
-    pub fn points(&mut self, records: &[PointRecord]) {
-        for r in records {
-            r.segments.iter().for_each(|s| self.segment(*s));
-        }
+    /// What a point record needs: both segments.
+    pub fn point(&mut self, record: &PointRecord) {
+        record.segments.iter().for_each(|s| self.segment(*s));
     }
 }
 
@@ -245,6 +239,8 @@ pub fn refresh_all(world: &mut World) {
     }
     let (x, v): (Vec<Position>, Vec<Velocity>) = world.query::<(&Position, &Velocity)>().iter(world).map(|(x, v)| (*x, *v)).unzip();
     world.resource_scope(|world, mut now: Mut<Centrelines>| {
-        now.refresh(world.resource::<Lines>(), &x, &v, &world.resource::<JointMasses>().0);
+        let lines = world.resource::<Lines>();
+        now.refresh_periods(lines, &x, &v);
+        now.refresh(lines, &x, &v, &world.resource::<JointMasses>().0, None);
     });
 }

@@ -68,7 +68,9 @@ pub struct Lines {
     pub images: Images,
     /// Row that carries the motion of a dependent periodic node, by row.
     pub independent: Vec<u32>,
-    /// Rows of the nodes of all filaments, filament by filament, and their slots.
+    /// Numbers of all slots.
+    pub every: Vec<u32>,
+    /// Rows of the nodes of all filaments, filament by filament.
     pub rows: Vec<u32>,
     /// Slot of each of [`Lines::rows`].
     pub row_slots: Vec<u32>,
@@ -116,7 +118,8 @@ impl Lines {
             lines.push_filament(model, m, f, &ends, &row);
         }
         lines.start.push(lines.slots.len() as u32);
-        lines.row_slots = (0..lines.slots.len() as u32).filter(|i| !lines.slots[*i as usize].ghost).collect();
+        lines.every = (0..lines.slots.len() as u32).collect();
+        lines.row_slots = lines.every.iter().copied().filter(|i| !lines.slots[*i as usize].ghost).collect();
         lines.rows = lines.row_slots.iter().map(|i| lines.slots[*i as usize].row).collect();
         lines.measure(x);
         lines.link(model, &ends);
@@ -333,39 +336,29 @@ pub fn xyz(row: &[f64; 4]) -> DVec3 {
 }
 
 impl Centrelines {
-    /// Brings everything up to date with the node columns.
-    pub fn refresh(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64]) {
-        self.refresh_periods(lines, x, v);
+    /// Brings the periods up to date with the node columns.
+    pub fn refresh_periods(&mut self, lines: &Lines, x: &[Position], v: &[Velocity]) {
+        lines.images.vectors(|r| x[r].0, &mut self.shift);
+        lines.images.vectors(|r| v[r].0, &mut self.shift_rate);
+    }
+
+    /// Brings the slots up to date with the node columns, after the periods: all of them, or only those that are
+    /// needed; what is left of the others is then of an earlier step.
+    pub fn refresh(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64], needed: Option<&Needed>) {
         let n = lines.slots.len();
         self.x.resize(n, [0.0; 4]);
         self.v.resize(n, [0.0; 4]);
         self.tangent.resize(n, [0.0; 4]);
         self.rate.resize(n, [0.0; 4]);
         self.bend.resize(n, [0.0; 4]);
-        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, .. } = self;
-        parallel::rows2(places, speeds, CHUNK, |i, place, speed| put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed));
-        let (x, v) = (&*places, &*speeds);
-        parallel::rows3(tangent, bend, rate, CHUNK, |i, tangent, bend, rate| put_frame(lines, i, x, v, tangent, bend, rate));
-        self.complete = true;
-    }
-
-    /// Brings the needed slots up to date with the node columns; what is left of the others is of an earlier step.
-    pub fn refresh_needed(&mut self, lines: &Lines, x: &[Position], v: &[Velocity], mass: &[f64], needed: &Needed) {
-        self.refresh_periods(lines, x, v);
-        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, .. } = self;
-        parallel::picked2(places, speeds, &needed.places, CHUNK, |i, place, speed| {
+        let (of_place, of_frame) = needed.map_or((&lines.every, &lines.every), |n| (&n.places, &n.frames));
+        let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, complete } = self;
+        parallel::picked2(places, speeds, of_place, CHUNK, |i, place, speed| {
             put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed);
         });
         let (x, v) = (&*places, &*speeds);
-        parallel::picked3(tangent, bend, rate, &needed.frames, CHUNK, |i, tangent, bend, rate| {
-            put_frame(lines, i, x, v, tangent, bend, rate)
-        });
-        self.complete = false;
-    }
-
-    fn refresh_periods(&mut self, lines: &Lines, x: &[Position], v: &[Velocity]) {
-        lines.images.vectors(|r| x[r].0, &mut self.shift);
-        lines.images.vectors(|r| v[r].0, &mut self.shift_rate);
+        parallel::picked3(tangent, bend, rate, of_frame, CHUNK, |i, tangent, bend, rate| put_frame(lines, i, x, v, tangent, bend, rate));
+        *complete = needed.is_none();
     }
 }
 

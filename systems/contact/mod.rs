@@ -64,7 +64,8 @@ pub fn install_lines(cx: &mut Install<'_>) -> Result<bool, String> {
     }
     let masses = joint_masses(&lines, &mass);
     let mut now = Centrelines::default();
-    now.refresh(&lines, &x, &v, &masses);
+    now.refresh_periods(&lines, &x, &v);
+    now.refresh(&lines, &x, &v, &masses, None);
     cx.world.insert_resource(lines);
     cx.world.insert_resource(now);
     cx.world.insert_resource(JointMasses(masses));
@@ -131,10 +132,8 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
 /// Marks the slots that the near records need.
 fn mark(world: &mut World, marks: &mut Marks) {
     let live = *world.resource::<LiveRecords>();
-    let lines: Vec<LineRecord> = world.query::<&LineRecord>().iter(world).take(live.near_lines).copied().collect();
-    let points: Vec<PointRecord> = world.query::<&PointRecord>().iter(world).take(live.near_points).copied().collect();
-    marks.lines(&lines);
-    marks.points(&points);
+    world.query::<&LineRecord>().iter(world).take(live.near_lines).for_each(|r| marks.line(r));
+    world.query::<&PointRecord>().iter(world).take(live.near_points).for_each(|r| marks.point(r));
 }
 
 fn remember(cx: &mut Install<'_>) {

@@ -7,6 +7,7 @@ use super::list::{Builder, excluded};
 use super::records::*;
 use super::search::Search;
 use super::spec::InitialOverlap;
+use crate::systems::energy::{LookNow, MonitorEvery};
 use braid_ecs::prelude::*;
 
 /// What the last evaluation asks of the next search.
@@ -40,7 +41,7 @@ impl Relaxation {
 #[derive(Resource, Default)]
 pub struct ListBuilder(pub Builder);
 
-/// Centrelines follow the nodes: all of them when all records are looked at, else those that are needed.
+/// Centrelines follow the nodes: all of them when all records or contacts are looked at, else those that are needed.
 pub fn refresh(
     clock: Res<Clock>,
     lines: Res<Lines>,
@@ -50,20 +51,19 @@ pub fn refresh(
     inner: Option<ResMut<InnerList>>,
     search: Option<Res<Search>>,
     requests: Option<Res<Requests>>,
+    (look, every): (Option<Res<LookNow>>, Option<Res<MonitorEvery>>),
     mut nodes: Query<(&Position, &Velocity)>,
 ) {
     let (x, v) = columns(&mut nodes);
-    let mut all = false;
+    now.refresh_periods(&lines, x, v);
+    // Whoever looks at all contacts in this step sees the motion that their forces are computed with.
+    let mut all = look.is_some_and(|l| l.0) || every.is_some_and(|e| clock.step.is_multiple_of(e.0));
     if let (Some(mut inner), Some(search), Some(requests)) = (inner, search, requests) {
         inner.due |= requests.turned;
-        inner.follow(&search, &lines, x, clock.dt);
-        all = inner.due;
+        inner.follow(&search, &lines, x, &now.shift, clock.dt);
+        all |= inner.due;
     }
-    if all {
-        now.refresh(&lines, x, v, &masses.0);
-    } else {
-        now.refresh_needed(&lines, x, v, &masses.0, &needed);
-    }
+    now.refresh(&lines, x, v, &masses.0, (!all).then_some(&*needed));
 }
 
 /// Records that have left their segment move to the next one.

@@ -96,7 +96,8 @@ impl Rig {
     }
 
     pub fn refresh(&mut self) {
-        self.now.refresh(&self.lines, &self.x, &self.v, &self.mass);
+        self.now.refresh_periods(&self.lines, &self.x, &self.v);
+        self.now.refresh(&self.lines, &self.x, &self.v, &self.mass, None);
     }
 
     pub fn rebuild(&mut self) {
@@ -117,7 +118,8 @@ impl Rig {
     /// Forces at the current positions, after a step `dt` with the current velocities.
     pub fn evaluate(&mut self, dt: f64) {
         self.settings.law.dt = dt;
-        self.inner.follow(&self.search, &self.lines, &self.x, dt);
+        self.now.refresh_periods(&self.lines, &self.x, &self.v);
+        self.inner.follow(&self.search, &self.lines, &self.x, &self.now.shift, dt);
         // Without time the nodes have been put somewhere else.
         self.inner.due |= dt == 0.0 || self.lost.turned;
         let due = self.inner.due;
@@ -129,11 +131,11 @@ impl Rig {
         } else {
             if self.needed.stale {
                 let mut marks = Marks::none(&self.lines);
-                marks.lines(&self.line.0[..self.near.0]);
-                marks.points(&self.point.0[..self.near.1]);
+                self.line.0[..self.near.0].iter().for_each(|r| marks.line(r));
+                self.point.0[..self.near.1].iter().for_each(|r| marks.point(r));
                 self.needed.list(&self.lines, marks);
             }
-            self.now.refresh_needed(&self.lines, &self.x, &self.v, &self.mass, &self.needed);
+            self.now.refresh(&self.lines, &self.x, &self.v, &self.mass, Some(&self.needed));
         }
         let (n, m) = if due { (self.line.0.len(), self.point.0.len()) } else { self.near };
         if self.lost.strayed {

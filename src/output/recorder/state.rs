@@ -1,6 +1,6 @@
 //! What a recorder remembers, so that its files go on as if the run had never stopped.
 use super::Recorder;
-use crate::output::file::OutputError;
+use crate::output::file::{OutputError, remove};
 use crate::output::history::{History, HistoryState};
 use crate::output::sampling::Sampler;
 use crate::output::{timing, vtp};
@@ -97,12 +97,5 @@ impl<'a> Recorder<'a> {
             if frames.is_empty() { remove(&path)? } else { vtp::write_series(&path, frames)? }
         }
         Ok(())
-    }
-}
-
-fn remove(path: &Path) -> Result<(), OutputError> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(OutputError::io("remove", path, e)),
-        _ => Ok(()),
     }
 }

@@ -1,5 +1,6 @@
 //! The element interface: a kernel on one element; the loops over all of them are in `assembly.rs`.
 use crate::components::Connectivity;
+use crate::lane::{self, Lane};
 use crate::model::Chain;
 use crate::registry::{Build, SpecError};
 use bevy_ecs::component::Mutable;
@@ -7,6 +8,7 @@ use bevy_ecs::prelude::*;
 use glam::{DQuat, DVec3};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use wide::f64x4;
 
 /// What a kernel sees of a node. Kinds without rotations get the identity and zero spin.
 #[derive(Clone, Copy, Debug)]
@@ -187,6 +189,39 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
     /// Section forces, for output only.
     fn section_force(&self, _nodes: [NodeState; N]) -> SectionForce {
         SectionForce::default()
+    }
+}
+
+/// A kind of element with a kernel for several at once.
+pub trait LaneElement<const N: usize>: Element<N> {
+    /// Internal forces of `L::WIDTH` elements; `state` gives the state of an end of one of them.
+    fn at_once<L: Lane>(elements: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, N>]);
+}
+
+/// [`Element::internal_force`] of a kind with such a kernel.
+#[inline(always)]
+pub fn alone<E: LaneElement<N>, const N: usize>(element: &E, nodes: [NodeState; N]) -> [E::Force; N] {
+    let mut out = [EndForces::default()];
+    E::at_once::<f64>(std::slice::from_ref(element), |_, end| nodes[end], &mut out);
+    out[0].0
+}
+
+/// [`Element::internal_forces`] of a kind with such a kernel: four at a time, and the rest alone.
+#[inline(always)]
+pub fn in_lanes<E: LaneElement<N>, const N: usize>(
+    elements: &[E],
+    rows: &[Connectivity<N>],
+    state: impl Fn(u32) -> NodeState + Copy,
+    out: &mut [EndForces<E, N>],
+) {
+    for group in lane::groups(elements.len()) {
+        let (some, rows, wide) = (&elements[group.clone()], &rows[group.clone()], group.len() == f64x4::WIDTH);
+        let of = |lane: usize, end: usize| state(rows[lane].0[end]);
+        if wide {
+            E::at_once::<f64x4>(some, of, &mut out[group]);
+        } else {
+            E::at_once::<f64>(some, of, &mut out[group]);
+        }
     }
 }
 

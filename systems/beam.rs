@@ -145,9 +145,7 @@ impl Element<2> for Beam {
 
     #[inline]
     fn internal_force(&mut self, nodes: [NodeState; 2]) -> [Wrench; 2] {
-        let mut out = [EndForces::default()];
-        at_once::<f64>(std::slice::from_ref(self), |_, end| nodes[end], &mut out);
-        out[0].0
+        alone(self, nodes)
     }
 
     #[inline]
@@ -157,15 +155,7 @@ impl Element<2> for Beam {
         state: impl Fn(u32) -> NodeState + Copy,
         out: &mut [EndForces<Self, 2>],
     ) {
-        for group in lane::groups(elements.len()) {
-            let (beams, rows, wide) = (&elements[group.clone()], &rows[group.clone()], group.len() == f64x4::WIDTH);
-            let of = |lane: usize, end: usize| state(rows[lane].0[end]);
-            if wide {
-                at_once::<f64x4>(beams, of, &mut out[group]);
-            } else {
-                at_once::<f64>(beams, of, &mut out[group]);
-            }
-        }
+        in_lanes(elements, rows, state, out);
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
@@ -225,6 +215,33 @@ impl Element<2> for Beam {
             shear: shear.length(),
             bending: (bending + arm).length().max((bending - arm).length()),
             torsion,
+        }
+    }
+}
+
+impl LaneElement<2> for Beam {
+    #[inline(always)]
+    fn at_once<L: Lane>(beams: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, 2>]) {
+        let (zero, half) = (L::splat(0.0), L::splat(0.5));
+        let k = Kinematics::<L>::of(state);
+        let section = Stiffness::<L>::of(beams);
+        let moment = section.bending.times(k.phi - section.phi0);
+        let g = section.chord.times(k.c - section.c0);
+        let n = section.ea * (k.l / section.rest_length - L::splat(1.0));
+        // B M = M along phi, scaled across it; the projector uses s = sin(t/2) n.
+        let turned = zero.less(k.s2);
+        let share = L::pick(turned, k.s.dot(moment) / L::pick(turned, k.s2, L::splat(1.0)), zero);
+        let along = k.s * share;
+        let bm = along + (moment - along) * k.b;
+        let mu = g.cross(k.c);
+        let relative = bm - mu.cross(k.h) * half;
+        let mean = mu * half;
+        let (m1, m2) = (k.global(mean - relative), k.global(mean + relative));
+        let shear = k.global(g);
+        let f = k.e * n + (shear - k.e * k.e.dot(shear)) * (L::splat(1.0) / k.l);
+        for (lane, out) in out.iter_mut().enumerate() {
+            let f = f.lane(lane);
+            out.0 = [Wrench { force: -f, moment: m1.lane(lane) }, Wrench { force: f, moment: m2.lane(lane) }];
         }
     }
 }
@@ -358,32 +375,6 @@ impl<L: Lane> Kinematics<L> {
     #[inline(always)]
     fn global(&self, v: V3<L>) -> V3<L> {
         V3::new(self.mid[0].dot(v), self.mid[1].dot(v), self.mid[2].dot(v))
-    }
-}
-
-/// Forces of `L::WIDTH` beams on their ends; `state` gives the state of an end of a beam.
-#[inline(always)]
-fn at_once<L: Lane>(beams: &[Beam], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Beam, 2>]) {
-    let (zero, half) = (L::splat(0.0), L::splat(0.5));
-    let k = Kinematics::<L>::of(state);
-    let section = Stiffness::<L>::of(beams);
-    let moment = section.bending.times(k.phi - section.phi0);
-    let g = section.chord.times(k.c - section.c0);
-    let n = section.ea * (k.l / section.rest_length - L::splat(1.0));
-    // B M = M along phi, scaled across it; the projector uses s = sin(t/2) n.
-    let turned = zero.less(k.s2);
-    let share = L::pick(turned, k.s.dot(moment) / L::pick(turned, k.s2, L::splat(1.0)), zero);
-    let along = k.s * share;
-    let bm = along + (moment - along) * k.b;
-    let mu = g.cross(k.c);
-    let relative = bm - mu.cross(k.h) * half;
-    let mean = mu * half;
-    let (m1, m2) = (k.global(mean - relative), k.global(mean + relative));
-    let shear = k.global(g);
-    let f = k.e * n + (shear - k.e * k.e.dot(shear)) * (L::splat(1.0) / k.l);
-    for (lane, out) in out.iter_mut().enumerate() {
-        let f = f.lane(lane);
-        out.0 = [Wrench { force: -f, moment: m1.lane(lane) }, Wrench { force: f, moment: m2.lane(lane) }];
     }
 }
 

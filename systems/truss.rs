@@ -101,9 +101,7 @@ impl Element<2> for Truss {
 
     #[inline]
     fn internal_force(&mut self, nodes: [NodeState; 2]) -> [DVec3; 2] {
-        let mut out = [EndForces::default()];
-        at_once::<f64>(std::slice::from_ref(self), |_, end| nodes[end], &mut out);
-        out[0].0
+        alone(self, nodes)
     }
 
     #[inline]
@@ -113,15 +111,7 @@ impl Element<2> for Truss {
         state: impl Fn(u32) -> NodeState + Copy,
         out: &mut [EndForces<Self, 2>],
     ) {
-        for group in lane::groups(elements.len()) {
-            let (bars, rows, wide) = (&elements[group.clone()], &rows[group.clone()], group.len() == f64x4::WIDTH);
-            let of = |lane: usize, end: usize| state(rows[lane].0[end]);
-            if wide {
-                at_once::<f64x4>(bars, of, &mut out[group]);
-            } else {
-                at_once::<f64>(bars, of, &mut out[group]);
-            }
-        }
+        in_lanes(elements, rows, state, out);
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
@@ -160,25 +150,26 @@ impl Element<2> for Truss {
     }
 }
 
-/// Internal forces of `L::WIDTH` trusses; `state` gives the state of an end of a bar.
-#[inline(always)]
-fn at_once<L: Lane>(bars: &[Truss], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Truss, 2>]) {
-    let [dx, dy, dz, _] = L::rows(|l| {
-        let d = state(l, 1).x - state(l, 0).x;
-        [d.x, d.y, d.z, 0.0]
-    });
-    let [vx, vy, vz, _] = L::rows(|l| {
-        let v = state(l, 1).v - state(l, 0).v;
-        [v.x, v.y, v.z, 0.0]
-    });
-    let [ea, rest_length, viscosity, _] = L::rows(|l| [bars[l].ea, bars[l].rest_length, bars[l].viscosity, 0.0]);
-    let (d, v) = (V3::new(dx, dy, dz), V3::new(vx, vy, vz));
-    let length = d.dot(d).sqrt();
-    let e = d * (L::splat(1.0) / length);
-    let n = ea * (length / rest_length - L::splat(1.0)) + viscosity * e.dot(v);
-    let pull = e * n;
-    for (l, out) in out.iter_mut().enumerate() {
-        let pull = pull.lane(l);
-        out.0 = [-pull, pull];
+impl LaneElement<2> for Truss {
+    #[inline(always)]
+    fn at_once<L: Lane>(bars: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, 2>]) {
+        let [dx, dy, dz, _] = L::rows(|l| {
+            let d = state(l, 1).x - state(l, 0).x;
+            [d.x, d.y, d.z, 0.0]
+        });
+        let [vx, vy, vz, _] = L::rows(|l| {
+            let v = state(l, 1).v - state(l, 0).v;
+            [v.x, v.y, v.z, 0.0]
+        });
+        let [ea, rest_length, viscosity, _] = L::rows(|l| [bars[l].ea, bars[l].rest_length, bars[l].viscosity, 0.0]);
+        let (d, v) = (V3::new(dx, dy, dz), V3::new(vx, vy, vz));
+        let length = d.dot(d).sqrt();
+        let e = d * (L::splat(1.0) / length);
+        let n = ea * (length / rest_length - L::splat(1.0)) + viscosity * e.dot(v);
+        let pull = e * n;
+        for (l, out) in out.iter_mut().enumerate() {
+            let pull = pull.lane(l);
+            out.0 = [-pull, pull];
+        }
     }
 }

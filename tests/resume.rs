@@ -37,16 +37,18 @@ fn unbroken(bench: &Bench, scene: &[String]) {
     assert_eq!(d.code, Some(0), "{}", d.err);
 }
 
-/// Runs, is stopped by its time limit, and resumes, three times at most; then to the end. Tells how often it was stopped.
-fn in_pieces(bench: &Bench, scene: &[String], limit: &str, folder: &str, threads: [&str; 2]) -> usize {
-    let mut last = run(bench, scene, &["--out", folder, "--threads", threads[0], "--time-limit", limit]);
+/// Runs, is stopped by its time limit, and resumes: after its first steps, after a few more, then (on a machine
+/// that is not too fast) somewhere in the middle; then to the end. Tells how often it was stopped.
+fn in_pieces(bench: &Bench, scene: &[String], middle: &str, folder: &str, threads: [&str; 2]) -> usize {
+    let limits = ["1 ms", "1 ms", middle];
+    let mut last = run(bench, scene, &["--out", folder, "--threads", threads[0], "--time-limit", limits[0]]);
     let mut stops = 0;
     while last.code == Some(75) {
         assert!(last.err.contains(&format!("braid-ecs resume {folder}")), "{}", last.err);
         assert_eq!(summary(&bench.path(folder))["status"], "stopped");
         stops += 1;
-        let limit: &[&str] = if stops < 3 { &["--time-limit", limit] } else { &[] };
-        last = bench.run(&[&["resume", folder, "--threads", threads[stops % 2]], limit].concat());
+        let limit = limits.get(stops).map_or(vec![], |limit| vec!["--time-limit", *limit]);
+        last = bench.run(&[&["resume", folder, "--threads", threads[stops % 2]], &limit[..]].concat());
     }
     assert_eq!(last.code, Some(0), "{}", last.err);
     stops

@@ -349,7 +349,7 @@ fn mistakes_are_named_with_their_place() {
         ("(rows: [(label: \"a\")])", "s.ron:1:1: field `outcomes` of study is missing"),
         (
             "(scene: \"strip.ron\", rows: [(label: \"a\", sets: {})], outcomes: [(name: \"tip\")])",
-            "s.ron:1:42: rows[0].sets: unknown field `sets` of row\n  help: did you mean `set`? valid fields: `label`, `scene`, `set`",
+            "s.ron:1:42: rows[0].sets: unknown field `sets` of entry\n  help: did you mean `set`? valid fields: `label`, `scene`, `set`",
         ),
         (
             "(scene: \"strip.ron\",\n outcomes: [(name: \"tip\")])",

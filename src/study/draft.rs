@@ -1,7 +1,7 @@
 //! The rows of a study before their scenes are looked at: the product of the axes and the rows by themselves.
 use super::plan::MAX_ROWS;
 use super::read::{StudyFile, at};
-use super::schema::{PointSpec, Sets};
+use super::schema::{EntrySpec, Sets};
 use crate::scene::error::{Problem, SceneErrors};
 use crate::scene::spans::Path;
 use std::collections::BTreeSet;
@@ -46,7 +46,7 @@ pub(super) fn drafts(file: &StudyFile) -> Result<Vec<Draft>, SceneErrors> {
             rest /= axis.points.len();
         }
         for (k, (axis, j)) in study.axes.iter().zip(digits.into_iter().rev()).enumerate() {
-            let PointSpec { label, scene, set } = &axis.points[j];
+            let EntrySpec { label, scene, set } = &axis.points[j];
             let place = at("axes").index(k).key("points").index(j);
             draft.labels.push(label.clone());
             draft.add(&place, scene, set);

@@ -24,7 +24,7 @@ pub struct Study {
     pub axes: Vec<AxisSpec>,
     /// Rows one by one, behind those of the axes.
     #[serde(default)]
-    pub rows: Vec<PointSpec>,
+    pub rows: Vec<EntrySpec>,
     /// Labels of the row that errors are relative to, one per axis, `*` for the label of the row itself.
     #[serde(default)]
     pub reference: Option<Vec<String>>,
@@ -51,13 +51,13 @@ pub struct AxisSpec {
     /// Name. Must be given.
     pub name: String,
     /// Its points, in the order of the rows. Must be given.
-    pub points: Vec<PointSpec>,
+    pub points: Vec<EntrySpec>,
 }
 
 /// A point of an axis, or a row by itself.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PointSpec {
+pub struct EntrySpec {
     /// Its name. Must be given.
     pub label: String,
     /// Another scene, relative to the study file.

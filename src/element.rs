@@ -144,7 +144,7 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
     fn internal_force(&mut self, nodes: [NodeState; N]) -> [Self::Force; N];
 
     /// Internal forces of many elements, by default one after the other. Kinds whose kernel is worth it take
-    /// several at once ([`Lane`](crate::lane::Lane)); `state` gives the state of a row.
+    /// several at once ([`Lane`]); `state` gives the state of a row.
     #[inline]
     fn internal_forces(
         elements: &mut [Self],

@@ -2,6 +2,7 @@
 #[path = "support/contact_rig.rs"]
 mod contact_rig;
 use braid_ecs::prelude::*;
+use braid_ecs::systems::contact::records::Action;
 use contact_rig::*;
 
 const R: f64 = 0.5;
@@ -210,11 +211,56 @@ fn the_vector_kernel_gives_the_bits_of_the_scalar_one() {
         evaluate_lines(&rig.settings, &rig.lines, &rig.now, &records, &mut rig.line.1, &mut rig.line.2);
         for (k, (record, state)) in records.iter().zip(&before).enumerate() {
             let one = of_line(&rig.settings, &rig.lines, &rig.now, record, state);
-            let f = one.response.force;
-            assert_eq!(rig.line.2[k].0.map(f64::to_bits), [f.x, f.y, f.z, one.t[1]].map(f64::to_bits), "record {k}");
+            if one.response.force.lane(0) != DVec3::ZERO {
+                let Action { force, normal, turn, t } = rig.line.2[k].0;
+                let found = (force, normal, turn.map(f64::to_bits), t.map(f64::to_bits));
+                let (force, normal) = (one.response.force.lane(0), one.normal.lane(0));
+                assert_eq!(found, (force, normal, one.turn.map(f64::to_bits), one.t.map(f64::to_bits)), "record {k}");
+            }
             assert_eq!(rig.line.1[k].slip, one.response.memory.slip.lane(0));
             touching += usize::from(one.response.normal_force > 0.0);
         }
     }
     assert!(touching > 200, "{touching} touch");
+}
+
+/// Friction acts at the surface: filaments that turn as one body do not slide, filaments that turn each for itself do,
+/// by the turn times their distance, and the forces of filaments that slide along each other have no moment.
+#[test]
+fn friction_acts_at_the_surface() {
+    let (model, a, b) = side_by_side(1.5, 0.4, 0.0);
+    let (dt, speed) = (0.1, 1e-2);
+    let moving = |velocity: &dyn Fn(usize, DVec3) -> DVec3| {
+        let mut rig = Rig::new(&model, settings(1.0, 1.5), 1.0);
+        rig.settings.law.friction = 0.5;
+        rig.settle();
+        for f in [a, b] {
+            for n in &model.filaments[f].nodes {
+                rig.v[n.row()].0 = velocity(f, rig.x[n.row()].0);
+            }
+        }
+        rig.evaluate(dt);
+        rig
+    };
+    let slips = |rig: &Rig| {
+        let slips: Vec<f64> = rig.line.1.iter().filter(|s| s.stiffness > 0.0).map(|s| s.slip.length()).collect();
+        assert!(slips.len() >= 10);
+        slips.into_iter().fold([f64::MAX, 0.0], |[low, high]: [f64; 2], s| [low.min(s), high.max(s)])
+    };
+    let (turn, somewhere) = (DVec3::Y * speed, DVec3::new(7.0, 1.0, -3.0));
+    let as_one = moving(&|_, x| turn.cross(x - somewhere));
+    assert!(slips(&as_one)[1] < 1e-14 * dt, "{:?}", slips(&as_one));
+    let alone = moving(&|f, x| turn.cross(x - DVec3::Z * if f == a { 0.0 } else { 0.99 }));
+    slips(&alone).map(|s| assert!((s / (speed * 0.99 * dt) - 1.0).abs() < 1e-12, "{s}"));
+
+    let along = moving(&|f, _| DVec3::X * if f == a { -speed } else { speed });
+    let moment: DVec3 = along.x.iter().zip(&along.force).map(|(x, f)| x.0.cross(*f)).sum();
+    let drag = along.force_on(&model, b).x.abs();
+    assert!(drag > 0.0 && moment.length() < 1e-12 * drag * 20.0, "{moment} with a drag of {drag:e}");
+    // The power of the forces is that of the friction springs, at the surface.
+    let sliding = moving(&|f, x| turn.cross(x - DVec3::Z * if f == a { 0.0 } else { 0.99 }) + DVec3::X * if f == a { 0.0 } else { speed });
+    let still = moving(&|_, _| DVec3::ZERO);
+    let power: f64 = sliding.v.iter().zip(sliding.force.iter().zip(&still.force)).map(|(v, (f, n))| v.0.dot(*f - *n)).sum();
+    let spring: f64 = sliding.line.1.iter().map(|s| 0.5 * s.stiffness.max(0.0) * s.slip.length_squared() / dt).sum();
+    assert!((power / spring + 1.0).abs() < 1e-9, "{power:e} {spring:e}");
 }

@@ -84,6 +84,16 @@ pub fn of_point(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &Po
     point_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
 }
 
+#[inline(always)]
+fn action<L: Lane>(c: &Contact<L>, lane: usize) -> Action {
+    Action {
+        force: c.response.force.lane(lane),
+        normal: c.normal.lane(lane),
+        turn: c.turn.map(|l| l.lane(lane)),
+        t: c.t.map(|l| l.lane(lane)),
+    }
+}
+
 /// Forces of all line records, four at a time.
 pub fn evaluate_lines(
     penalty: &Penalty,
@@ -124,7 +134,7 @@ fn lines_at_once<L: Lane>(
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
             states[lane] = LineState { stiffness: APART, ..LineState::at(t) };
-            forces[lane] = LineForce([0.0, 0.0, 0.0, t]);
+            (forces[lane].0.force, forces[lane].0.t) = (DVec3::ZERO, [0.0, t]);
             sum.strayed |= strayed(t);
         }
         return;
@@ -132,7 +142,7 @@ fn lines_at_once<L: Lane>(
     let c = line_contact(penalty, lines, now, records, states, &at);
     let (r, kept) = (&c.response, kept_stiffness(c.stiffness, c.penetration + c.offset));
     for lane in 0..L::WIDTH {
-        let (t, f) = (c.t[1].lane(lane), r.force.lane(lane));
+        let t = c.t[1].lane(lane);
         sum.count(penalty, r, states[lane].offset, lane);
         states[lane] = LineState {
             t,
@@ -141,7 +151,7 @@ fn lines_at_once<L: Lane>(
             offset: c.offset.lane(lane),
             stiffness: kept.lane(lane),
         };
-        forces[lane] = LineForce([f.x, f.y, f.z, t]);
+        forces[lane] = LineForce(action(&c, lane));
         sum.strayed |= strayed(t);
         sum.turned |= c.turned.lane(lane) > 0.0;
     }
@@ -197,7 +207,7 @@ fn points_at_once<L: Lane>(
             stiffness: kept.lane(lane),
             overlap: overlap.lane(lane),
         };
-        forces[lane] = PointForce { force: r.force.lane(lane), t };
+        forces[lane] = PointForce(action(&c, lane));
         sum.strayed |= t.iter().any(|t| strayed(*t));
     }
 }
@@ -226,23 +236,29 @@ fn put_image(lines: &Lines, image: Image, f: DVec3, add: &mut impl FnMut(usize, 
     }
 }
 
-/// Adds a force at parameter `t` of a segment: to its nodes, and through the tangents to those beside them.
+/// Adds a force on the tangent of a slot to the nodes that make it.
 #[inline(always)]
-pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
-    let j = segment as usize;
-    let w = weights(t, Range::new(|_| lines.slots[j].free));
-    let h = now.tangent[j][3];
-    put(lines, segment, f * w.a, add);
-    put(lines, segment + 1, f * w.b, add);
-    for (slot, weight) in [(j, w.ta * h), (j + 1, w.tb * h)] {
-        let s = &lines.slots[slot];
-        let first = (slot as isize + s.first) as u32;
-        for (k, c) in s.tangent.iter().enumerate() {
-            if *c != 0.0 {
-                put(lines, first + k as u32, f * (c * weight), add);
-            }
+fn put_turn(lines: &Lines, slot: u32, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
+    let s = &lines.slots[slot as usize];
+    let first = (slot as isize + s.first) as u32;
+    for (k, c) in s.tangent.iter().enumerate() {
+        if *c != 0.0 {
+            put(lines, first + k as u32, f * *c, add);
         }
     }
+}
+
+/// Adds a force at parameter `t` of a segment, and one on its tangent there: to its nodes, and through the tangents to
+/// those beside them.
+#[inline(always)]
+pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, turn): (DVec3, DVec3), add: &mut impl FnMut(usize, DVec3)) {
+    let j = segment as usize;
+    let w = weights(t, Range::new(|_| lines.slots[j].free));
+    let (h, s) = (now.tangent[j][3], t.clamp(0.0, 1.0));
+    put(lines, segment, f * w.a, add);
+    put(lines, segment + 1, f * w.b, add);
+    put_turn(lines, segment, (f * w.ta + turn * (1.0 - s)) * h, add);
+    put_turn(lines, segment + 1, (f * w.tb + turn * s) * h, add);
 }
 
 /// Adds the forces of all records to the rows, record by record: few of a list touch, and one order gives
@@ -255,21 +271,24 @@ pub fn scatter(
     mut add: impl FnMut(usize, DVec3),
 ) {
     for (r, f) in line_records.iter().zip(line_forces) {
-        let [x, y, z, t] = f.0;
-        if x == 0.0 && y == 0.0 && z == 0.0 {
+        let Action { force, normal, turn, t } = f.0;
+        if force == DVec3::ZERO {
             continue;
         }
-        let f = DVec3::new(x, y, z);
-        put(lines, r.node, f, &mut add);
-        put_along(lines, now, r.segment, t, -f, &mut add);
-        put_image(lines, r.image, -f, &mut add);
+        put(lines, r.node, force, &mut add);
+        if turn[0] != 0.0 {
+            put_turn(lines, r.node, normal * turn[0], &mut add);
+        }
+        put_along(lines, now, r.segment, t[1], (-force, normal * turn[1]), &mut add);
+        put_image(lines, r.image, -force, &mut add);
     }
     for (r, f) in point_records.iter().zip(point_forces) {
-        if f.force == DVec3::ZERO {
+        let Action { force, normal, turn, t } = f.0;
+        if force == DVec3::ZERO {
             continue;
         }
-        put_along(lines, now, r.segments[0], f.t[0], f.force, &mut add);
-        put_along(lines, now, r.segments[1], f.t[1], -f.force, &mut add);
-        put_image(lines, r.image, -f.force, &mut add);
+        put_along(lines, now, r.segments[0], t[0], (force, normal * turn[0]), &mut add);
+        put_along(lines, now, r.segments[1], t[1], (-force, normal * turn[1]), &mut add);
+        put_image(lines, r.image, -force, &mut add);
     }
 }

@@ -107,10 +107,39 @@ impl<L: Lane> Motion<L> {
         self.va + self.chord * w.b + self.ta * w.ta + self.tb * w.tb
     }
 
+    /// Rate of the tangent by the parameter, taken as linear between the ends.
+    #[inline(always)]
+    fn turning(&self, t: L) -> V3<L> {
+        self.ta + (self.tb - self.ta) * t.within(L::splat(0.0), L::splat(1.0))
+    }
+
     #[inline(always)]
     fn mass_at(&self, t: L) -> L {
         let s = t.within(L::splat(0.0), L::splat(1.0));
         self.mass[0] + (self.mass[1] - self.mass[0]) * s
+    }
+}
+
+/// How the surface of a filament moves along it while the filament turns, as a section across it does: by the arm from
+/// the centreline to the surface.
+#[derive(Clone, Copy)]
+struct Lever<L> {
+    /// Tangent x arm / |tangent|^2.
+    along: V3<L>,
+    /// Rate of the tangent.
+    rate: V3<L>,
+}
+
+impl<L: Lane> Lever<L> {
+    #[inline(always)]
+    fn new(tangent: V3<L>, rate: V3<L>, arm: L) -> Self {
+        Lever { along: tangent * (arm / tangent.dot(tangent)), rate }
+    }
+
+    /// Velocity of the surface over that of the centreline.
+    #[inline(always)]
+    fn slip(&self, normal: V3<L>) -> V3<L> {
+        self.along * self.rate.dot(normal)
     }
 }
 
@@ -119,6 +148,9 @@ impl<L: Lane> Motion<L> {
 pub struct Contact<L> {
     /// What the law gave.
     pub response: Response<L>,
+    /// Forces along the normal by which friction turns the tangents of both bodies: the power of friction over the rate
+    /// of that tangent (force x length / length of the tangent).
+    pub turn: [L; 2],
     /// Parameters on first and second body (the first one is zero for a node).
     pub t: [L; 2],
     /// Penetration less the offset (length).
@@ -254,17 +286,22 @@ pub fn line_contact<L: Lane>(
     let offset = before.follow(stiffness, overlap, zero, reach, &mut memory);
     let motion = Motion::<L>::load(now, side.length, |l| records[l].segment as usize);
     let ms = motion.mass_at(t);
+    let (wn, _) = gather::<L>(&now.rate, node);
+    // Together the arms span the distance, so that bodies that turn as one do not slide.
+    let near = (reach - overlap) / reach;
+    let levers = [Lever::new(tn, wn, (reach - side.radius) * near), Lever::new(tangent, motion.turning(t), side.radius * near)];
     let touch = Touch {
         stiffness,
         penetration: overlap - offset,
         reach,
         normal,
-        velocity: vn - image(&now.shift_rate, |l| records[l].image) - motion.velocity(&w),
+        velocity: vn - image(&now.shift_rate, |l| records[l].image) - motion.velocity(&w) + levers[0].slip(normal) + levers[1].slip(normal),
         mass: mn * ms / (mn + ms),
     };
     let response = respond(&penalty.law, &touch, &memory);
+    let turn = levers.map(|l| l.along.dot(response.drag));
     let turned = L::pick(zero.less(touch.penetration), (one - crossing) * cross, zero);
-    Contact { response, t: [zero, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
+    Contact { response, turn, t: [zero, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }
 
 /// Evaluates `L::WIDTH` point records.
@@ -314,7 +351,11 @@ pub fn point_contact<L: Lane>(
     let (wa, wb) = (weights(s, ca.range), weights(t, cb.range));
     let overlap = reach - distance;
     let (ma, mb) = (Motion::<L>::load(now, a.length, segment(0)), Motion::<L>::load(now, b.length, segment(1)));
-    let velocity = ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image);
+    let near = distance / reach;
+    let levers = [Lever::new(p.d, ma.turning(s), a.radius * near), Lever::new(q.d, mb.turning(t), b.radius * near)];
+    let velocity = ma.velocity(&wa) - mb.velocity(&wb) - image(&now.shift_rate, |l| records[l].image)
+        + levers[0].slip(normal)
+        + levers[1].slip(normal);
     let mut memory = memory(|l| (states[l].slip, states[l].damper));
     let before = Zero {
         offset: L::from_fn(|l| states[l].offset) * L::splat(penalty.keep),
@@ -325,8 +366,9 @@ pub fn point_contact<L: Lane>(
     let (mass_a, mass_b) = (ma.mass_at(s), mb.mass_at(t));
     let touch = Touch { stiffness, penetration: overlap - offset, reach, normal, velocity, mass: mass_a * mass_b / (mass_a + mass_b) };
     let response = respond(&penalty.law, &touch, &memory);
+    let turn = levers.map(|l| l.along.dot(response.drag));
     let turned = L::splat(0.0);
-    Contact { response, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
+    Contact { response, turn, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
 }
 
 /// One Newton step towards the closest points of two curves, kept on free ends.

@@ -119,6 +119,8 @@ impl<L: Lane> Zero<L> {
 pub struct Response<L> {
     /// Force on the first body.
     pub force: V3<L>,
+    /// The part of it that is friction.
+    pub drag: V3<L>,
     /// To remember for the next step.
     pub memory: Memory<L>,
     /// Normal force.
@@ -166,12 +168,13 @@ pub fn respond<L: Lane>(law: &Law, touch: &Touch<L>, before: &Memory<L>) -> Resp
     let mask = |v: L| L::pick(live, v, zero);
     let (spring, normal_force) = (mask(spring), mask(normal_force));
     let after = V3::pick(live, after, V3::zero());
-    let force = V3::pick(live, n * normal_force - after * kt, V3::zero());
+    let drag = V3::pick(live, after * -kt, V3::zero());
     let friction = half * kt * (slip + after).dot(trial - after);
     let damper = normal_force - spring;
     let damping = -half * (before.damper + damper) * separation * dt;
     Response {
-        force,
+        force: n * normal_force + drag,
+        drag,
         memory: Memory { slip: after, damper },
         normal_force,
         energy: mask(normal_energy) + half * kt * after.dot(after),

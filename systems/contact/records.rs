@@ -47,9 +47,23 @@ impl LineState {
     }
 }
 
-/// Force of a line record on its node, and the parameter it acts at.
+/// Force of a record on its first body, and where it acts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Action {
+    /// Force on the first body (force).
+    pub force: DVec3,
+    /// Normal towards the first body; of an earlier step if the force is zero.
+    pub normal: DVec3,
+    /// Forces along the normal on the tangents of both bodies, from friction at the surface; of an earlier step if
+    /// the force is zero.
+    pub turn: [f64; 2],
+    /// Parameters on both bodies.
+    pub t: [f64; 2],
+}
+
+/// Force of a line record on its node.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LineForce(pub [f64; 4]);
+pub struct LineForce(pub Action);
 
 /// Two segments of which the centrelines cross.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,14 +98,9 @@ impl PointState {
     }
 }
 
-/// Force of a point record on its first segment, and the parameters it acts at.
+/// Force of a point record on its first segment.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PointForce {
-    /// Force on the first segment (force).
-    pub force: DVec3,
-    /// Parameters on both segments.
-    pub t: [f64; 2],
-}
+pub struct PointForce(pub Action);
 
 /// How many rows of the pools are in use, and how many of them, at the front, are near enough to
 /// touch before the next look.

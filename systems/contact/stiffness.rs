@@ -96,8 +96,9 @@ pub fn resolve(world: &mut World) {
     penalty.point_stiffness = point;
 }
 
-/// Adds the bounds of all records of the list, which covers what may touch before the next one: for K = k n n^t w w^t the row sums give
-/// K <= diag(k |w_i| sum |w_j|).
+/// Adds the bounds of all records of the list, which covers what may touch before the next one: for K = k n n^t w w^t the
+/// row sums give K <= diag(k |w_i| sum |w_j|). The friction spring has the weights w along the filament and, where
+/// it turns a tangent, others across it.
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
     refresh_all(world);
@@ -109,20 +110,26 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut still = penalty;
     still.law.dt = 0.0;
     let narrow = penalty.law.damped_stiffness();
-    let mut spread = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
+    let mut spread = Spread::new(lines, masses.len());
+    let tangential = if penalty.law.friction > 0.0 { penalty.law.tangential } else { 0.0 };
+    let radius = |slot: u32| lines.slots[slot as usize].radius;
     for (record, state) in line_query.iter(world).take(live.lines) {
         let c = of_line(&still, lines, now, record, state);
         spread.node(record.node, 1.0);
         spread.segment(now, record.segment, c.t[1]);
         spread.image(record.image);
-        spread.add(c.stiffness * narrow);
+        spread.turn(record.node, radius(record.node));
+        spread.turn_along(now, record.segment, c.t[1]);
+        spread.add(c.stiffness * narrow, tangential * c.stiffness);
     }
     for (record, state) in point_query.iter(world).take(live.points) {
         let c = of_point(&still, lines, now, record, state);
         spread.segment(now, record.segments[0], c.t[0]);
         spread.segment(now, record.segments[1], c.t[1]);
         spread.image(record.image);
-        spread.add(c.stiffness * narrow);
+        spread.turn_along(now, record.segments[0], c.t[0]);
+        spread.turn_along(now, record.segments[1], c.t[1]);
+        spread.add(c.stiffness * narrow, tangential * c.stiffness);
     }
     let mut kappa = spread.kappa;
     share_copies(lines, &masses, &mut kappa);
@@ -159,9 +166,38 @@ pub struct Spread<'a> {
     pub kappa: Vec<f64>,
     /// Weights of the current record; the rows may repeat.
     pub weights: Vec<(u32, f64)>,
+    /// Those by which friction at the surface turns a tangent.
+    pub turns: Vec<(u32, f64)>,
 }
 
-impl Spread<'_> {
+impl<'a> Spread<'a> {
+    /// Of no record so far.
+    pub fn new(lines: &'a Lines, rows: usize) -> Self {
+        Spread { lines, kappa: vec![0.0; rows], weights: Vec::new(), turns: Vec::new() }
+    }
+
+    /// Adds the weights of the tangent of a slot, `arm` away from the surface.
+    pub fn turn(&mut self, slot: u32, arm: f64) {
+        let s = &self.lines.slots[slot as usize];
+        let first = slot as isize + s.first;
+        for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
+            let row = self.lines.slots[first as usize + k].row;
+            if row != NONE {
+                self.turns.push((row, c * arm));
+            }
+        }
+    }
+
+    /// Adds the weights of the tangent at parameter `t` of a segment.
+    pub fn turn_along(&mut self, now: &Centrelines, segment: u32, t: f64) {
+        let h = now.tangent[segment as usize][3];
+        let chord = now.x[segment as usize + 1].iter().zip(&now.x[segment as usize]).take(3).map(|(b, a)| (b - a).powi(2)).sum::<f64>();
+        // The arm acts on the unit tangent, the nodes make tangents per length.
+        let arm = self.lines.slots[segment as usize].radius * h / chord.sqrt().max(f64::MIN_POSITIVE);
+        let s = t.clamp(0.0, 1.0);
+        self.turn(segment, arm * (1.0 - s));
+        self.turn(segment + 1, arm * s);
+    }
     /// Adds the weight of a slot.
     pub fn node(&mut self, slot: u32, weight: f64) {
         let s = &self.lines.slots[slot as usize];
@@ -201,11 +237,16 @@ impl Spread<'_> {
         }
     }
 
-    /// Adds the bound of a spring of this stiffness with the collected weights.
-    pub fn add(&mut self, stiffness: f64) {
-        let sum: f64 = self.weights.iter().map(|w| w.1.abs()).sum();
+    /// Adds the bound of springs of this normal and tangential stiffness with the collected weights.
+    pub fn add(&mut self, normal: f64, tangential: f64) {
+        let sum = |weights: &[(u32, f64)]| weights.iter().map(|w| w.1.abs()).sum::<f64>();
+        let pushed = sum(&self.weights);
+        let dragged = tangential * (pushed + sum(&self.turns));
         for (row, w) in self.weights.drain(..) {
-            self.kappa[row as usize] += stiffness * w.abs() * sum;
+            self.kappa[row as usize] += (normal * pushed).max(dragged) * w.abs();
+        }
+        for (row, w) in self.turns.drain(..) {
+            self.kappa[row as usize] += dragged * w.abs();
         }
     }
 }

@@ -459,7 +459,7 @@ fn forces(
         let stiffness = kept_stiffness(c.stiffness, overlap);
         *state = EdgeState { t: c.t, slip: memory.slip.lane(0), damper: memory.damper, offset: c.offset, stiffness, overlap };
         *moved |= strayed(c.t);
-        put_along(&lines, &now, record.segment, c.t, c.response.force.lane(0), &mut add);
+        put_along(&lines, &now, record.segment, c.t, (c.response.force.lane(0), DVec3::ZERO), &mut add);
     }
 }
 
@@ -473,18 +473,18 @@ fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let live = *world.resource::<LiveSurfaceRecords>();
     let (lines, now, set) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<SurfaceSet>());
     let surfaces: Vec<Surface> = set.surfaces.iter().map(still).collect();
-    let mut s = Spread { lines, kappa: vec![0.0; masses.len()], weights: Vec::new() };
+    let mut s = Spread::new(lines, masses.len());
     for (record, state) in node_query.iter(world).take(live.nodes) {
         let surface = &surfaces[record.surface as usize];
         let c = node_contact(surface, lines, now, record, state);
         s.node(record.node, 1.0);
-        s.add(c.stiffness * surface.law.damped_stiffness());
+        s.add(c.stiffness * surface.law.damped_stiffness(), 0.0);
     }
     for (record, state) in edge_query.iter(world).take(live.edges) {
         let surface = &surfaces[record.surface as usize];
         let c = edge_contact(surface, lines, now, record, state);
         s.segment(now, record.segment, c.t);
-        s.add(c.stiffness * surface.law.damped_stiffness());
+        s.add(c.stiffness * surface.law.damped_stiffness(), 0.0);
     }
     let mut kappa = s.kappa;
     share_copies(lines, &masses, &mut kappa);

@@ -28,6 +28,7 @@ pub fn default_plugins(sim: &mut Simulation) {
     integration::plugin(sim);
     boundary::plugin(sim);
     axial_implicit::plugin(sim);
+    surface::kinematic::plugin(sim);
     boundary::work_plugin(sim);
     energy::plugin(sim);
     time_step::plugin(sim);

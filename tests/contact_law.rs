@@ -251,7 +251,9 @@ fn friction_acts_at_the_surface() {
     let as_one = moving(&|_, x| turn.cross(x - somewhere));
     assert!(slips(&as_one)[1] < 1e-14 * dt, "{:?}", slips(&as_one));
     let alone = moving(&|f, x| turn.cross(x - DVec3::Z * if f == a { 0.0 } else { 0.99 }));
-    slips(&alone).map(|s| assert!((s / (speed * 0.99 * dt) - 1.0).abs() < 1e-12, "{s}"));
+    for s in slips(&alone) {
+        assert!((s / (speed * 0.99 * dt) - 1.0).abs() < 1e-12, "{s}");
+    }
 
     let along = moving(&|f, _| DVec3::X * if f == a { -speed } else { speed });
     let moment: DVec3 = along.x.iter().zip(&along.force).map(|(x, f)| x.0.cross(*f)).sum();

@@ -65,6 +65,17 @@ impl AxialChains {
     pub fn counts(&self) -> (usize, usize) {
         (self.fours.iter().map(Pack::count).chain(self.ones.iter().map(Pack::count)).sum(), self.explicit)
     }
+    /// Counts what later changes of the velocities, by row, add to the work of the motion on the bars in a kick.
+    pub fn follow(&mut self, change: &[DVec3], kick: f64) {
+        let mut sum = 0.0;
+        let mut count = |_: f64, pull: DVec3, carriers: [u32; 2], _: [&[usize]; 2]| {
+            sum += pull.dot(change[carriers[1] as usize] - change[carriers[0] as usize]);
+        };
+        self.fours.iter().for_each(|p| p.tensions(&mut count));
+        self.ones.iter().for_each(|p| p.tensions(&mut count));
+        self.last += 0.5 * kick * sum;
+        self.work += 0.5 * kick * sum;
+    }
     /// Work of the motion on the bars so far: half of the last kick lies before the current time (force x length).
     pub fn work(&self) -> f64 {
         self.work - 0.5 * self.last

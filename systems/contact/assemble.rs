@@ -261,6 +261,36 @@ pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, tur
     put_turn(lines, segment + 1, (f * w.tb + turn * s) * h, add);
 }
 
+/// Slots that carry the point at parameter `t` of a segment, each once, with their weights.
+pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> impl Iterator<Item = (u32, f64)> {
+    let slots = &lines.slots;
+    let w = weights(t, Range::new(|_| slots[segment as usize].free));
+    let h = now.tangent[segment as usize][3];
+    let mut all = [(NONE, 0.0); 8];
+    (all[0], all[1]) = ((segment, w.a), (segment + 1, w.b));
+    for (side, (at, weight)) in [(segment, w.ta * h), (segment + 1, w.tb * h)].into_iter().enumerate() {
+        let s = &slots[at as usize];
+        let first = (at as isize + s.first) as u32;
+        for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
+            all[2 + 3 * side + k] = (first + k as u32, c * weight);
+        }
+    }
+    all.sort_unstable_by_key(|l| l.0);
+    let mut count = 0;
+    for k in 0..all.len() {
+        if all[k].0 == NONE {
+            break;
+        }
+        if count > 0 && all[count - 1].0 == all[k].0 {
+            all[count - 1].1 += all[k].1;
+        } else {
+            all[count] = all[k];
+            count += 1;
+        }
+    }
+    all.into_iter().take(count)
+}
+
 /// Adds the forces of all records to the rows, record by record: few of a list touch, and one order gives
 /// one sum, whatever the number of threads.
 pub fn scatter(

@@ -1,6 +1,6 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
-use super::assemble::{of_line, of_point};
+use super::assemble::{carriers, of_line, of_point};
 use super::inner::refresh_all;
 use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, NONE};
@@ -208,22 +208,8 @@ impl<'a> Spread<'a> {
 
     /// Adds the weights of the nodes of a segment at parameter `t`.
     pub fn segment(&mut self, now: &Centrelines, segment: u32, t: f64) {
-        let slots = &self.lines.slots;
-        let range = super::curve::Range::new(|_| slots[segment as usize].free);
-        let w = super::curve::weights(t, range);
-        let h = now.tangent[segment as usize][3];
-        let mut local = [(u32::MAX, 0.0); 8];
-        (local[0], local[1]) = ((segment, w.a), (segment + 1, w.b));
-        for (side, (at, weight)) in [(segment, w.ta * h), (segment + 1, w.tb * h)].into_iter().enumerate() {
-            let s = &slots[at as usize];
-            let first = (at as isize + s.first) as u32;
-            for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
-                local[2 + 3 * side + k] = (first + k as u32, c * weight);
-            }
-        }
-        local.sort_unstable_by_key(|l| l.0);
-        for same in local.chunk_by(|a, b| a.0 == b.0).filter(|same| same[0].0 != u32::MAX) {
-            self.node(same[0].0, same.iter().map(|l| l.1).sum());
+        for (slot, weight) in carriers(self.lines, now, segment, t) {
+            self.node(slot, weight);
         }
     }
 

@@ -29,6 +29,8 @@ pub struct Surface {
     pub point_stiffness: f64,
     /// Factor on the offsets in this step.
     pub keep: f64,
+    /// True if it holds filaments without penalty.
+    pub kinematic: bool,
 }
 
 /// Everything about a record at one moment.
@@ -46,6 +48,8 @@ pub struct Touching {
     pub normal: DVec3,
     /// Stiffness with weights (force / length).
     pub stiffness: f64,
+    /// Velocity of that place (length / time).
+    pub velocity: DVec3,
     /// Place on the centreline.
     pub place: DVec3,
 }
@@ -90,7 +94,7 @@ pub fn node_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
         mass: now.v[i][3],
     };
     let response = respond(&surface.law, &touch, &Memory { slip: v3(state.slip), damper: state.damper });
-    Touching { response, t: 0.0, penetration: touch.penetration, offset, normal, stiffness, place: x }
+    Touching { response, t: 0.0, penetration: touch.penetration, offset, normal, stiffness, velocity: v, place: x }
 }
 
 /// One Newton step towards the point of a segment nearest to an edge.
@@ -108,33 +112,62 @@ pub fn edge_step(lines: &Lines, now: &Centrelines, shape: &Shape, centre: DVec2,
     (t - (d.dot(d1) / slope).clamp(-0.5, 0.5)).clamp(low, high)
 }
 
-/// Force of an edge on a segment.
-pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> Touching {
-    let shape = &surface.shape;
-    let edge = &shape.edges[record.edge as usize];
+/// Where a segment is over an edge.
+pub struct EdgePlace<'a> {
+    edge: &'a Edge,
+    radius: f64,
+    /// Parameter of the point.
+    pub t: f64,
+    /// Place on the centreline.
+    pub place: DVec3,
+    /// Overlap before any offset (length).
+    pub overlap: f64,
+    /// Outward normal.
+    pub normal: DVec3,
+    /// Weight, by angle and rounding.
+    pub weight: f64,
+}
+
+impl EdgePlace<'_> {
+    /// Overlap and normal if the point were at `place`.
+    pub fn ahead(&self, surface: &Surface, place: DVec3) -> (f64, DVec3) {
+        let mut d = surface.shape.flat(place) - self.edge.centre;
+        let mut distance = d.length();
+        if let Some([a, b]) = self.edge.beyond
+            && d.dot(a) < 0.0
+            && d.dot(b) < 0.0
+        {
+            // The centreline has got inside the body: out along the bisector.
+            distance = 0.0;
+            d = a + b;
+        }
+        (self.radius + self.edge.radius - distance, surface.shape.lift(d.normalize_or_zero()))
+    }
+}
+
+/// Where the segment of a record is, at parameter `t`.
+pub fn edge_place<'a>(surface: &'a Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, t: f64) -> EdgePlace<'a> {
+    let edge = &surface.shape.edges[record.edge as usize];
     let j = record.segment as usize;
-    let t = edge_step(lines, now, shape, edge.centre, record.segment, state.t);
-    let curve = list::curve_of(lines, now, record.segment);
-    let p = curve.at(t);
+    let p = list::curve_of(lines, now, record.segment).at(t);
     let place = xyz(&now.x[j]) + p.x.lane(0);
     let radius = lines.slots[j].radius;
-    let mut d = shape.flat(place) - edge.centre;
-    let mut distance = d.length();
-    if let Some([a, b]) = edge.beyond
-        && d.dot(a) < 0.0
-        && d.dot(b) < 0.0
-    {
-        // The centreline has got inside the body: out along the bisector.
-        distance = 0.0;
-        d = a + b;
-    }
-    let direction = d.normalize_or_zero();
-    let normal = shape.lift(direction);
     // On the extension of a segment nothing is known: wait for the move to the next one.
     let valid = (-0.05..1.05).contains(&t);
-    let share = flat_share(shape, p.d.lane(0));
+    let share = flat_share(&surface.shape, p.d.lane(0));
     let weight = if valid { edge_weight(edge, share, radius, lines.slots[j].length) } else { 0.0 };
-    let overlap = radius + edge.radius - distance;
+    let mut at = EdgePlace { edge, radius, t, place, overlap: 0.0, normal: DVec3::ZERO, weight };
+    (at.overlap, at.normal) = at.ahead(surface, place);
+    at
+}
+
+/// Force of an edge on a segment.
+pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> Touching {
+    let centre = surface.shape.edges[record.edge as usize].centre;
+    let j = record.segment as usize;
+    let t = edge_step(lines, now, &surface.shape, centre, record.segment, state.t);
+    let EdgePlace { radius, place, overlap, normal, weight, .. } = edge_place(surface, lines, now, record, t);
+    let curve = list::curve_of(lines, now, record.segment);
     let h = now.tangent[j][3];
     let w = curve::weights(t, curve.range);
     let velocity = xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * h;
@@ -151,5 +184,5 @@ pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record:
         mass: now.v[j][3] + (now.v[j + 1][3] - now.v[j][3]) * t.clamp(0.0, 1.0),
     };
     let response = respond(&surface.law, &touch, &memory);
-    Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, place }
+    Touching { response, t, penetration: touch.penetration, offset, normal, stiffness, velocity, place }
 }

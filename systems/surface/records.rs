@@ -1,5 +1,6 @@
 //! Records of nodes near a surface and of segments near one of its edges, pooled like those between
 //! filaments.
+use super::kinematic::Hold;
 use braid_ecs::prelude::*;
 
 /// A node near a surface.
@@ -20,6 +21,8 @@ pub struct SurfaceState {
     pub damper: f64,
     /// Penetration that is left free of force (length).
     pub offset: f64,
+    /// What holds the node on a kinematic surface.
+    pub hold: Hold,
 }
 
 /// A segment near an edge of a surface.
@@ -48,12 +51,14 @@ pub struct EdgeState {
     pub stiffness: f64,
     /// Overlap of the step before; not a number for a record just found (length).
     pub overlap: f64,
+    /// What holds the segment on a kinematic surface.
+    pub hold: Hold,
 }
 
 impl EdgeState {
     /// Of a record just found.
     pub fn at(t: f64) -> Self {
-        EdgeState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN }
+        EdgeState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN, hold: Hold::default() }
     }
 }
 

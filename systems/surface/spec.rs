@@ -61,6 +61,9 @@ pub struct SurfaceSpec {
     /// Turn of the cross-section about the axis. Default 0.
     #[serde(default)]
     pub turn: Angle,
+    /// How filaments are kept out. Default `Penalty`.
+    #[serde(default)]
+    pub enforcement: Enforcement,
     /// Coulomb friction coefficient. Default: that of `contact`, or 0.2.
     #[serde(default)]
     pub friction: Option<Ratio>,
@@ -79,6 +82,16 @@ pub struct SurfaceSpec {
     /// What to do where filaments reach into the surface at the start by more than 5 % of the radius. Default `Error`.
     #[serde(default)]
     pub initial_overlap: InitialOverlap,
+}
+
+/// How a surface keeps filaments out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Enforcement {
+    /// By springs: a force for every penetration.
+    #[default]
+    Penalty,
+    /// By correcting velocities: no penetration, no limit on the time step.
+    Kinematic,
 }
 
 fn mandrel() -> String {
@@ -172,6 +185,7 @@ impl SurfaceSpec {
             position: Point::default(),
             axis: along_z(),
             turn: Angle(0.0),
+            enforcement: Enforcement::Penalty,
             friction: None,
             stiffness: None,
             line_stiffness: None,

@@ -1,15 +1,17 @@
 //! The systems of contact with rigid surfaces.
-use super::kernel::{Surface, Touching, edge_contact, edge_step, node_contact};
+use super::kernel::{Surface, Touching, edge_contact, node_contact};
+use super::kinematic::{Hold, held};
+use super::list::*;
 use super::records::*;
 use super::shape::Shape;
-use super::spec::{Mandrel, SurfaceSpec, Surfaces, surface_specs};
+use super::spec::{Enforcement, Mandrel, SurfaceSpec, Surfaces, surface_specs};
 use crate::systems::contact::assemble::{put, put_along};
-use crate::systems::contact::inner::{Marks, Needed, refresh_all};
+use crate::systems::contact::inner::{Needed, refresh_all};
 use crate::systems::contact::law::{APART, Law, kept_stiffness, raised};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
-use crate::systems::contact::records::{rehome, strayed};
+use crate::systems::contact::records::strayed;
 use crate::systems::contact::stiffness::{Spread, element_frequency, share_copies};
-use crate::systems::contact::systems::{Relaxation, shortage};
+use crate::systems::contact::systems::Relaxation;
 use crate::systems::contact::{ContactKind, ContactReport, InitialOverlap, TOLERATED_OVERLAP, install_lines, monitor};
 use braid_ecs::prelude::*;
 
@@ -27,12 +29,14 @@ pub struct SurfaceSet {
     pub surfaces: Vec<Surface>,
     specs: Vec<SurfaceSpec>,
     resolved: bool,
-    skin: f64,
-    budget: f64,
-    reference: Vec<DVec3>,
+    pub(super) skin: f64,
+    pub(super) budget: f64,
+    pub(super) reference: Vec<DVec3>,
     /// Times the list was made.
     pub rebuilds: u64,
-    moved: bool,
+    pub(super) moved: bool,
+    /// Rows that a kinematic surface can hold; none if there is no such surface.
+    pub(super) movable: Vec<bool>,
 }
 
 /// What changes of the surfaces: the stiffness, once it is found, and the list.
@@ -108,7 +112,8 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
             dt: 0.0,
         };
         let shape = Shape::new(s).map_err(at)?;
-        surfaces.push(Surface { name: s.name.clone(), shape, law, line_stiffness: 1.0, point_stiffness: 1.0, keep: 1.0 });
+        let kinematic = s.enforcement == Enforcement::Kinematic;
+        surfaces.push(Surface { name: s.name.clone(), shape, law, line_stiffness: 1.0, point_stiffness: 1.0, keep: 1.0, kinematic });
     }
     if !install_lines(cx)? {
         return Ok(());
@@ -128,6 +133,7 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
         reference: Vec::new(),
         rebuilds: 0,
         moved: false,
+        movable: Vec::new(),
     });
     cx.world.init_resource::<LiveSurfaceRecords>();
     cx.world.init_resource::<EnergyLedger>();
@@ -170,7 +176,9 @@ fn treat_overlap(world: &mut World) -> Result<(), String> {
             p.z
         ));
     }
-    let lenient: Vec<bool> = set.specs.iter().map(|s| s.initial_overlap != InitialOverlap::Error).collect();
+    // A kinematic surface would throw out in one step what reaches into it.
+    let leaves = |s: &SurfaceSpec| s.initial_overlap != InitialOverlap::Error || s.enforcement == Enforcement::Kinematic;
+    let lenient: Vec<bool> = set.specs.iter().map(leaves).collect();
     for (r, mut s) in world.query::<(&SurfaceRecord, &mut SurfaceState)>().iter_mut(world) {
         if lenient.get(r.surface as usize) == Some(&true) {
             s.offset = f64::MAX;
@@ -187,7 +195,7 @@ fn treat_overlap(world: &mut World) -> Result<(), String> {
 }
 
 /// Finds the stiffness of surfaces that leave it open.
-fn resolve(world: &mut World) {
+pub(super) fn resolve(world: &mut World) {
     if world.resource::<SurfaceSet>().resolved {
         return;
     }
@@ -230,187 +238,6 @@ pub fn raise_stiffness(world: &mut World, factor: f64) {
     }
 }
 
-/// Records over edges that have left their segment move on; decides whether a new list is due.
-fn follow(
-    clock: Res<Clock>,
-    lines: Res<Lines>,
-    live: Res<LiveSurfaceRecords>,
-    mut set: ResMut<SurfaceSet>,
-    mut needed: ResMut<Needed>,
-    mut edges: Query<(&mut EdgeRecord, &mut EdgeState)>,
-    mut nodes: Query<&Velocity>,
-) {
-    if set.moved {
-        let (mut records, mut states) = columns(&mut edges);
-        for (r, s) in records.bypass_change_detection()[..live.edges].iter_mut().zip(states.bypass_change_detection()) {
-            (r.segment, s.t, _) = rehome(&lines, r.segment, s.t);
-        }
-        set.moved = false;
-        needed.stale = true;
-    }
-    let v = columns(&mut nodes);
-    let fastest = lines.rows.iter().fold(0.0f64, |m, row| m.max(v[*row as usize].0.length_squared()));
-    set.budget -= clock.dt * fastest.sqrt();
-}
-
-fn rebuild(world: &mut World) {
-    resolve(world);
-    if world.resource::<SurfaceSet>().budget > 0.0 {
-        return;
-    }
-    refresh_all(world);
-    let (skin, farthest) = {
-        let (set, now) = (world.resource::<SurfaceSet>(), world.resource::<Centrelines>());
-        let moved = set.reference.iter().zip(&now.x).fold(0.0f64, |m, (a, b)| m.max((*a - xyz(b)).length_squared()));
-        (set.skin, if set.reference.is_empty() { f64::INFINITY } else { moved.sqrt() })
-    };
-    if farthest < 0.98 * skin {
-        world.resource_mut::<SurfaceSet>().budget = skin - farthest;
-    } else {
-        make_list(world);
-        world.get_resource_or_init::<StiffnessChanged>().0 = true;
-    }
-}
-
-/// Lists the nodes near surfaces and the segments near edges, with the history of the old records.
-fn make_list(world: &mut World) {
-    let mut set = world.remove_resource::<SurfaceSet>().expect("inserted by the installer");
-    let live = *world.resource::<LiveSurfaceRecords>();
-    let mut node_query = world.query::<(&mut SurfaceRecord, &mut SurfaceState)>();
-    let mut edge_query = world.query::<(&mut EdgeRecord, &mut EdgeState)>();
-    let old_nodes: Vec<_> = node_query.iter(world).take(live.nodes).map(|(r, s)| (*r, *s)).collect();
-    let old_edges: Vec<_> = edge_query.iter(world).take(live.edges).map(|(r, s)| (*r, *s)).collect();
-    let (mut nodes, mut edges) = (Vec::new(), Vec::new());
-    {
-        let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
-        for (k, surface) in set.surfaces.iter().enumerate() {
-            near_nodes(surface, k as u32, set.skin, lines, now, &mut nodes);
-            near_edges(surface, k as u32, set.skin, lines, now, &mut edges);
-        }
-        inherit(lines, &old_nodes, &old_edges, &mut nodes, &mut edges);
-        set.reference.clear();
-        set.reference.extend(now.x.iter().map(xyz));
-    }
-    set.budget = set.skin;
-    set.rebuilds += 1;
-    world.insert_resource(set);
-    grow_nodes(world, nodes.len());
-    grow_edges(world, edges.len());
-    for (new, (mut r, mut s)) in nodes.iter().zip(node_query.iter_mut(world)) {
-        (*r, *s) = *new;
-    }
-    for (new, (mut r, mut s)) in edges.iter().zip(edge_query.iter_mut(world)) {
-        (*r, *s) = *new;
-    }
-    *world.resource_mut::<LiveSurfaceRecords>() = LiveSurfaceRecords { nodes: nodes.len(), edges: edges.len() };
-    world.resource_mut::<Needed>().stale = true;
-}
-
-/// Marks the slots that the records need.
-fn mark(world: &mut World, marks: &mut Marks) {
-    let live = *world.resource::<LiveSurfaceRecords>();
-    world.query::<&SurfaceRecord>().iter(world).take(live.nodes).for_each(|r| marks.place(r.node));
-    world.query::<&EdgeRecord>().iter(world).take(live.edges).for_each(|r| marks.segment(r.segment));
-}
-
-fn grow_nodes(world: &mut World, need: usize) {
-    let rows = shortage(need, world.query::<&SurfaceRecord>().iter(world).len());
-    let idle = (SurfaceRecord { surface: u32::MAX, node: u32::MAX }, SurfaceState::default());
-    world.spawn_batch(vec![idle; rows]);
-}
-
-fn grow_edges(world: &mut World, need: usize) {
-    let rows = shortage(need, world.query::<&EdgeRecord>().iter(world).len());
-    let idle = (EdgeRecord { surface: u32::MAX, edge: u32::MAX, segment: u32::MAX }, EdgeState::at(0.0));
-    world.spawn_batch(vec![idle; rows]);
-}
-
-fn near_nodes(surface: &Surface, k: u32, skin: f64, lines: &Lines, now: &Centrelines, out: &mut Vec<(SurfaceRecord, SurfaceState)>) {
-    for (i, slot) in lines.slots.iter().enumerate() {
-        if slot.looks && surface.shape.distance(xyz(&now.x[i])).0 < slot.radius + skin {
-            out.push((SurfaceRecord { surface: k, node: i as u32 }, SurfaceState::default()));
-        }
-    }
-}
-
-fn near_edges(surface: &Surface, k: u32, skin: f64, lines: &Lines, now: &Centrelines, out: &mut Vec<(EdgeRecord, EdgeState)>) {
-    for (e, edge) in surface.shape.edges.iter().enumerate() {
-        let from = out.len();
-        for j in lines.segments() {
-            let i = j as usize;
-            let reach = lines.slots[i].radius + edge.radius + skin;
-            let (a, b) = (surface.shape.flat(xyz(&now.x[i])), surface.shape.flat(xyz(&now.x[i + 1])));
-            let chord = b - a;
-            let start =
-                if chord.length_squared() > 0.0 { ((edge.centre - a).dot(chord) / chord.length_squared()).clamp(0.0, 1.0) } else { 0.5 };
-            // The centreline leaves its chord by less than a quarter of it, on any sensible mesh.
-            if (a + chord * start).distance(edge.centre) > reach + 0.25 * lines.slots[i].length {
-                continue;
-            }
-            let mut t = start;
-            for _ in 0..8 {
-                t = edge_step(lines, now, &surface.shape, edge.centre, j, t);
-            }
-            if !(-0.25..=1.25).contains(&t) {
-                continue;
-            }
-            let (segment, mut t, _) = rehome(lines, j, t);
-            for _ in 0..3 {
-                t = edge_step(lines, now, &surface.shape, edge.centre, segment, t);
-            }
-            let (segment, t, _) = rehome(lines, segment, t);
-            let twice = out[from..].iter().any(|(r, s)| same_place(lines, (r.segment, s.t), (segment, t)).is_some_and(|d| d.abs() < 0.25));
-            if !twice {
-                out.push((EdgeRecord { surface: k, edge: e as u32, segment }, EdgeState::at(t)));
-            }
-        }
-        out[from..].sort_by_key(|(r, _)| r.segment);
-    }
-}
-
-/// Distance along a filament between two places on the same or on neighbouring segments.
-fn same_place(lines: &Lines, a: (u32, f64), b: (u32, f64)) -> Option<f64> {
-    if a.0 == b.0 {
-        return Some(b.1 - a.1);
-    }
-    [(0, 1.0), (1, -1.0)].iter().find_map(|(side, sign)| match lines.links[a.0 as usize][*side] {
-        Some((to, _)) if to == b.0 => Some(sign + b.1 - a.1),
-        _ => None,
-    })
-}
-
-fn inherit(
-    lines: &Lines,
-    old_nodes: &[(SurfaceRecord, SurfaceState)],
-    old_edges: &[(EdgeRecord, EdgeState)],
-    nodes: &mut [(SurfaceRecord, SurfaceState)],
-    edges: &mut [(EdgeRecord, EdgeState)],
-) {
-    let mut from = 0;
-    for (record, state) in nodes {
-        let key = (record.surface, record.node);
-        while from < old_nodes.len() && (old_nodes[from].0.surface, old_nodes[from].0.node) < key {
-            from += 1;
-        }
-        if let Some((old, was)) = old_nodes.get(from)
-            && (old.surface, old.node) == key
-        {
-            *state = *was;
-        }
-    }
-    for (record, state) in edges {
-        let mut nearest = 0.5;
-        for (old, was) in old_edges.iter().filter(|(o, _)| o.surface == record.surface && o.edge == record.edge) {
-            if let Some(d) = same_place(lines, (old.segment, was.t), (record.segment, state.t))
-                && d.abs() < nearest
-            {
-                nearest = d.abs();
-                *state = EdgeState { t: state.t, ..*was };
-            }
-        }
-    }
-}
-
 /// Forces of all surfaces on the nodes, in record order.
 fn forces(
     clock: Res<Clock>,
@@ -422,11 +249,13 @@ fn forces(
     mut edge_query: Query<(&EdgeRecord, &mut EdgeState)>,
     mut nodes: Query<&mut Force>,
 ) {
-    let SurfaceSet { surfaces, specs, moved, .. } = &mut *set;
+    let SurfaceSet { surfaces, specs, .. } = &mut *set;
     for (surface, spec) in surfaces.iter_mut().zip(specs) {
         surface.law.dt = clock.dt;
         surface.keep = Relaxation { rule: spec.initial_overlap }.keep(clock.time, clock.dt);
     }
+    let mut moved = false;
+    let surfaces = &set.surfaces;
     reactions.force.fill(DVec3::ZERO);
     reactions.moment.fill(DVec3::ZERO);
     let mut force = columns(&mut nodes);
@@ -446,21 +275,38 @@ fn forces(
     };
     let (records, mut states) = columns(&mut node_query);
     for (record, state) in records[..live.nodes].iter().zip(states.bypass_change_detection()) {
+        if set.holds_node(&lines, record) {
+            state.hold.before = xyz(&now.v[record.node as usize]);
+            put(&lines, record.node, state.hold.force, &mut add);
+            continue;
+        }
         let c = node_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
         account(record.surface as usize, &c, state.offset);
-        *state = SurfaceState { slip: c.response.memory.slip.lane(0), damper: c.response.memory.damper, offset: c.offset };
+        *state = SurfaceState {
+            slip: c.response.memory.slip.lane(0),
+            damper: c.response.memory.damper,
+            offset: c.offset,
+            hold: Hold::default(),
+        };
         put(&lines, record.node, c.response.force.lane(0), &mut add);
     }
     let (records, mut states) = columns(&mut edge_query);
     for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
         let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
+        moved |= strayed(c.t);
+        if set.holds_edge(&lines, record) {
+            (state.t, state.hold.before) = (c.t, c.velocity);
+            put_along(&lines, &now, record.segment, c.t, (state.hold.force, DVec3::ZERO), &mut add);
+            continue;
+        }
         account(record.surface as usize, &c, state.offset);
         let (memory, overlap) = (c.response.memory, c.penetration + c.offset);
         let stiffness = kept_stiffness(c.stiffness, overlap);
-        *state = EdgeState { t: c.t, slip: memory.slip.lane(0), damper: memory.damper, offset: c.offset, stiffness, overlap };
-        *moved |= strayed(c.t);
+        let (slip, damper) = (memory.slip.lane(0), memory.damper);
+        *state = EdgeState { t: c.t, slip, damper, offset: c.offset, stiffness, overlap, hold: Hold::default() };
         put_along(&lines, &now, record.segment, c.t, (c.response.force.lane(0), DVec3::ZERO), &mut add);
     }
+    set.moved |= moved;
 }
 
 /// Adds the bounds of all records that touch or nearly do.
@@ -474,13 +320,13 @@ fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let (lines, now, set) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<SurfaceSet>());
     let surfaces: Vec<Surface> = set.surfaces.iter().map(still).collect();
     let mut s = Spread::new(lines, masses.len());
-    for (record, state) in node_query.iter(world).take(live.nodes) {
+    for (record, state) in node_query.iter(world).take(live.nodes).filter(|(r, _)| !set.holds_node(lines, r)) {
         let surface = &surfaces[record.surface as usize];
         let c = node_contact(surface, lines, now, record, state);
         s.node(record.node, 1.0);
         s.add(c.stiffness * surface.law.damped_stiffness(), 0.0);
     }
-    for (record, state) in edge_query.iter(world).take(live.edges) {
+    for (record, state) in edge_query.iter(world).take(live.edges).filter(|(r, _)| !set.holds_edge(lines, r)) {
         let surface = &surfaces[record.surface as usize];
         let c = edge_contact(surface, lines, now, record, state);
         s.segment(now, record.segment, c.t);
@@ -539,11 +385,13 @@ pub fn surface_contacts(world: &mut World) -> Vec<ContactReport> {
     };
     for (record, state) in node_query.iter(world).take(live.nodes) {
         let c = node_contact(&surfaces[record.surface as usize], lines, now, record, state);
+        let c = if set.holds_node(lines, record) { held(&state.hold, c) } else { c };
         push(&c, record.surface, record.node, ContactKind::Surface, 0.0);
     }
     for (record, state) in edge_query.iter(world).take(live.edges) {
         let surface = &surfaces[record.surface as usize];
         let c = edge_contact(surface, lines, now, record, state);
+        let c = if set.holds_edge(lines, record) { held(&state.hold, c) } else { c };
         let tangent = xyz(&now.tangent[record.segment as usize]).normalize_or_zero();
         let angle = surface.shape.flat_direction(tangent).length().clamp(0.0, 1.0).asin();
         push(&c, record.surface, record.segment, ContactKind::Edge, angle);

@@ -1,0 +1,203 @@
+//! Surfaces that hold filaments without penalty: where the next step would take a node, or the point of a filament over
+//! an edge, into the body, an impulse takes that part of the velocity away, and as much of the sliding as Coulomb's law
+//! allows. No stiffness, hence no limit on the time step, no penetration and no elastic slip.
+//!
+//! The force of the step before acts as a load, so that the implicit axial scheme finds its equilibrium with it; when all
+//! velocities are known it is corrected, node by node and then edge by edge. With the inverse mass w of the point along
+//! the normal n, the kick k, the coming step dt and the overlap g that the step would leave,
+//!
+//!   N = max(N_before + g / (w k dt), 0),    T = T_before - v_t / (w k), cut to |T| <= mu N.
+//!
+//! This is one sweep a step of projected Gauss-Seidel with a warm start (J. J. Moreau, *Comput. Methods Appl. Mech. Engrg.*
+//! 177 (1999) 329-349, for the time stepping). Hits are without rebound; the work of both parts is accounted for.
+//!
+//! A node whose velocity depends on others, or on which the period depends, keeps the penalty.
+use super::kernel::{Touching, edge_place};
+use super::records::*;
+use super::systems::{SurfaceReactions, SurfaceSet};
+use crate::systems::axial_implicit::AxialChains;
+use crate::systems::constraint::Constraints;
+use crate::systems::contact::assemble::carriers;
+use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
+use crate::systems::integration::MassDamping;
+use braid_ecs::prelude::*;
+
+/// Share of an overlap that is there already which a step leaves: taking it away at once would be a blow.
+const BACK: f64 = 0.9;
+
+/// What holds a point: the force of the surface, and the velocity before the kick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Hold {
+    /// Force on the filament (force).
+    pub force: DVec3,
+    /// Velocity before the kick (length / time).
+    pub before: DVec3,
+}
+
+/// Registers the correction of velocities, behind everything else that changes them.
+pub fn plugin(sim: &mut Simulation) {
+    sim.add_installer("kinematic surfaces", install);
+}
+
+fn install(cx: &mut Install<'_>) {
+    if !cx.world.get_resource::<SurfaceSet>().is_some_and(|set| set.surfaces.iter().any(|s| s.kinematic)) {
+        return;
+    }
+    let mut movable: Vec<bool> = cx.world.query::<&InverseMass>().iter(cx.world).map(|w| w.0.max_element() > 0.0).collect();
+    if let Some(constraints) = cx.world.get_resource::<Constraints>() {
+        for j in 0..constraints.border_len() {
+            constraints.responses(j).for_each(|(row, ..)| movable[row] = false);
+            movable[constraints.border_dof(j).0] = false;
+        }
+    }
+    let lines = cx.world.resource::<Lines>();
+    let left = lines.slots.iter().filter(|s| s.looks && !movable[s.row as usize]).count();
+    if left > 0 {
+        cx.note(format!("{left} nodes of filaments are held, tied to others or periodic: kinematic surfaces meet them with their penalty"));
+    }
+    cx.world.resource_mut::<SurfaceSet>().movable = movable;
+    cx.add_system(StepSet::Dynamics, correct);
+}
+
+impl SurfaceSet {
+    /// True if the surface holds the node of a record without penalty.
+    pub fn holds_node(&self, lines: &Lines, record: &SurfaceRecord) -> bool {
+        let row = lines.slots[record.node as usize].row as usize;
+        self.surfaces[record.surface as usize].kinematic && self.movable.get(row) == Some(&true)
+    }
+
+    /// The same for the point of a segment over an edge, which four nodes carry.
+    pub fn holds_edge(&self, lines: &Lines, record: &EdgeRecord) -> bool {
+        let own = |s: u32| {
+            let s = &lines.slots[s as usize];
+            s.row == NONE || s.image == lines.images.zero() && self.movable.get(s.row as usize) == Some(&true)
+        };
+        let j = record.segment;
+        self.surfaces[record.surface as usize].kinematic && [j - 1, j, j + 1, j + 2].into_iter().all(own)
+    }
+}
+
+/// A point with its weights on the rows that carry it.
+struct Carried<'a> {
+    rows: &'a [(usize, f64)],
+    place: DVec3,
+    overlap: f64,
+    offset: f64,
+}
+
+/// Velocities and forces that a correction changes.
+struct Motion<'a> {
+    v: &'a mut [Velocity],
+    f: &'a mut [Force],
+    w: &'a [InverseMass],
+    /// Changes of the velocities, by row.
+    change: Vec<DVec3>,
+    dt: f64,
+    kick: f64,
+}
+
+impl Motion<'_> {
+    fn velocity(&self, rows: &[(usize, f64)]) -> DVec3 {
+        rows.iter().map(|(row, weight)| self.v[*row].0 * *weight).sum()
+    }
+
+    /// Corrects the force that holds a point for the step to come. `ahead` gives overlap and normal at a place. Returns the
+    /// work of the whole force across and along the surface in this kick.
+    fn hold(&mut self, point: &Carried<'_>, friction: f64, ahead: impl Fn(DVec3) -> (f64, DVec3), hold: &mut Hold) -> [f64; 2] {
+        let v = self.velocity(point.rows);
+        let (overlap, n) = ahead(point.place + v * self.dt);
+        let inverse: f64 = point.rows.iter().map(|(row, weight)| weight * weight * n.dot(self.w[*row].0 * n)).sum();
+        if inverse <= 0.0 {
+            return [0.0; 2];
+        }
+        let left = BACK * (point.overlap - point.offset).max(0.0);
+        let push = (hold.force.dot(n) + (overlap - point.offset - left) / (inverse * self.kick * self.dt)).max(0.0);
+        let sliding = v.reject_from_normalized(n);
+        let drag = (hold.force.reject_from_normalized(n) - sliding / (inverse * self.kick)).clamp_length_max(friction * push);
+        let force = n * push + drag;
+        let change = force - hold.force;
+        hold.force = force;
+        if force == DVec3::ZERO && change == DVec3::ZERO {
+            return [0.0; 2];
+        }
+        for (row, weight) in point.rows {
+            let faster = self.w[*row].0 * change * (weight * self.kick);
+            self.v[*row].0 += faster;
+            self.change[*row] += faster;
+            self.f[*row].0 += change * *weight;
+        }
+        let mean = 0.5 * (hold.before + self.velocity(point.rows)) * self.kick;
+        [push * n.dot(mean), drag.dot(mean)]
+    }
+}
+
+fn correct(
+    clock: Res<Clock>,
+    damping: Res<MassDamping>,
+    (lines, now, live, set): (Res<Lines>, Res<Centrelines>, Res<LiveSurfaceRecords>, Res<SurfaceSet>),
+    (mut reactions, axial): (ResMut<SurfaceReactions>, Option<ResMut<AxialChains>>),
+    mut ledger: ResMut<EnergyLedger>,
+    mut node_query: Query<(&SurfaceRecord, &mut SurfaceState)>,
+    mut edge_query: Query<(&EdgeRecord, &mut EdgeState)>,
+    mut nodes: Query<(&mut Velocity, &mut Force, &InverseMass)>,
+) {
+    let (mut v, mut f, w) = columns(&mut nodes);
+    let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
+    let change = vec![DVec3::ZERO; v.len()];
+    let mut motion = Motion { v, f, w, change, dt: clock.dt_next, kick: damping.kick(clock.kick()).1 };
+    let mut account = |surface: u32, place: DVec3, force: DVec3, [across, along]: [f64; 2]| {
+        reactions.force[surface as usize] -= force;
+        reactions.moment[surface as usize] -= place.cross(force);
+        ledger.damping -= across;
+        ledger.friction -= along;
+    };
+    let (records, mut states) = columns(&mut node_query);
+    for (record, state) in records[..live.nodes].iter().zip(states.bypass_change_detection()) {
+        if !set.holds_node(&lines, record) {
+            continue;
+        }
+        let surface = &set.surfaces[record.surface as usize];
+        let slot = &lines.slots[record.node as usize];
+        let place = xyz(&now.x[record.node as usize]);
+        let ahead = |x: DVec3| {
+            let (distance, normal) = surface.shape.distance(x);
+            (slot.radius - distance, normal)
+        };
+        let overlap = ahead(place).0;
+        state.offset = (state.offset * surface.keep).min(overlap.max(0.0));
+        let point = Carried { rows: &[(slot.row as usize, 1.0)], place, overlap, offset: state.offset };
+        let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);
+        account(record.surface, place, state.hold.force, work);
+    }
+    let (records, mut states) = columns(&mut edge_query);
+    for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
+        if !set.holds_edge(&lines, record) {
+            continue;
+        }
+        let surface = &set.surfaces[record.surface as usize];
+        let at = edge_place(surface, &lines, &now, record, state.t);
+        // Beyond its segment, along its edge, or where the nodes see the rounding, a point is not held.
+        let held = at.weight > 0.0;
+        state.offset = (state.offset * surface.keep).min(at.overlap.max(0.0));
+        let rows: Vec<(usize, f64)> = carriers(&lines, &now, record.segment, state.t)
+            .map(|(slot, weight)| (lines.slots[slot as usize].row as usize, weight))
+            .collect();
+        let point = Carried { rows: &rows, place: at.place, overlap: at.overlap, offset: state.offset };
+        let ahead = |x: DVec3| if held { at.ahead(surface, x) } else { (f64::NEG_INFINITY, at.normal) };
+        let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);
+        account(record.surface, at.place, state.hold.force, work);
+    }
+    if let Some(mut axial) = axial {
+        axial.follow(&motion.change, motion.kick);
+    }
+}
+
+/// What can be said about a record that is held, in place of what the penalty would do.
+pub fn held(hold: &Hold, touching: Touching) -> Touching {
+    let normal_force = hold.force.dot(touching.normal).max(0.0);
+    let mut response = touching.response;
+    response.force = hold.force.into();
+    response.drag = (hold.force - touching.normal * normal_force).into();
+    (response.normal_force, response.energy) = (normal_force, 0.0);
+    Touching { response, ..touching }
+}

@@ -173,6 +173,8 @@ pub enum Damping {
     None,
     /// Mass damping f = -alpha m v with the given alpha (1 / time).
     Mass(f64),
+    /// Mass damping with the given alpha until the motion has calmed down, then as its slowest mode needs it (1 / time).
+    Adaptive(f64),
     /// All velocities set to zero at every peak of the kinetic energy.
     Kinetic,
 }

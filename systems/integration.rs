@@ -40,7 +40,7 @@ fn install(cx: &mut Install<'_>) {
         cx.add_system(StepSet::Kinematics, advance_orientations);
     }
     let alpha = match cx.model.integration.damping {
-        Damping::Mass(alpha) => alpha,
+        Damping::Mass(alpha) | Damping::Adaptive(alpha) => alpha,
         _ => 0.0,
     };
     cx.world.insert_resource(MassDamping(alpha));

@@ -1,6 +1,7 @@
 //! The physics: one file per system, all written against the prelude.
 use braid_ecs::prelude::*;
 
+pub mod adaptive_damping;
 pub mod axial_implicit;
 pub mod beam;
 pub mod bending;
@@ -31,5 +32,6 @@ pub fn default_plugins(sim: &mut Simulation) {
     surface::kinematic::plugin(sim);
     boundary::work_plugin(sim);
     energy::plugin(sim);
+    adaptive_damping::plugin(sim);
     time_step::plugin(sim);
 }

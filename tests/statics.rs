@@ -208,3 +208,32 @@ fn a_motion_that_starts_with_a_speed_makes_no_energy() {
     let ledger = sim.world.resource::<EnergyLedger>();
     assert!((ledger.kinetic - 0.25).abs() < 1e-9 && ledger.imbalance().abs() < 1e-9, "{ledger:?}");
 }
+
+/// A cantilever let go under a tip load swings with omega = 3.516 sqrt(EI / (m L^4)). When it has calmed down the
+/// damping turns to 1.4 omega, and what takes mass damping many swings is over in one.
+#[test]
+fn adaptive_damping_finds_the_slowest_mode() {
+    let run = |damping: Damping| {
+        let mut m = Model::new("cantilever");
+        let section = Section { ea: 1e6, ei: [1.0, 1.0], gj: 0.8, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
+        let nodes = build_chain(&mut m, "beam", (0..=10).map(|i| DVec3::X * (0.1 * f64::from(i))), section, NaturalShape::AsBuilt);
+        m.fix(nodes[0], &Dof::ALL);
+        let at_once = m.add_amplitude(Amplitude::Ramp { rise: 0.0 });
+        m.loads.push(NodalLoad { node: nodes[10], force: DVec3::Y * 0.03, moment: DVec3::ZERO, follower: false, amplitude: at_once });
+        m.integration.damping = damping;
+        m.stop.time = Some(28.0);
+        let (mut sim, _) = simulate(&m);
+        let ledger = *sim.world.resource::<EnergyLedger>();
+        assert!(ledger.balance_error().abs() < 1e-3, "{ledger:?}");
+        let rate = sim.world.get_resource::<braid_ecs::systems::adaptive_damping::Settling>().map(|s| s.now);
+        (ledger.kinetic, position(&mut sim, nodes[10]).y, rate)
+    };
+    let (slow, _, none) = run(Damping::Mass(0.2));
+    let (fast, tip, rate) = run(Damping::Adaptive(0.2));
+    assert_eq!(none, None, "the damping costs nothing where it is not used");
+    let omega = 3.516;
+    let rate = rate.expect("it is used");
+    assert!((rate / (1.4 * omega) - 1.0).abs() < 0.05, "{rate} instead of {}", 1.4 * omega);
+    assert!(fast < 1e-6 * slow, "kinetic energy {fast:e}, with mass damping {slow:e}");
+    assert!((tip / 0.01 - 1.0).abs() < 2e-3, "{tip}");
+}

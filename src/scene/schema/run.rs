@@ -13,6 +13,8 @@ pub enum DampingSpec {
     Auto,
     /// Mass damping f = -alpha m v with the given alpha (1 / time).
     Mass(Rate),
+    /// As `Auto` until the motion has calmed down, then as its slowest mode needs it.
+    Adaptive,
     /// All velocities set to zero at every peak of the kinetic energy.
     Kinetic,
 }

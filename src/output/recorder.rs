@@ -180,7 +180,7 @@ impl<'a> Recorder<'a> {
         c.extend(energy.map(|n| Column::new(n, self.units.energy())));
         c.push(Column::new("balance error", "-"));
         c.extend(["contact records", "active contacts", "max penetration to radius"].map(|n| Column::new(n, "-")));
-        c.push(Column::new("contact force", self.units.force()));
+        c.extend(["contact force", "largest contact force"].map(|n| Column::new(n, self.units.force())));
         c.extend(self.dummies.iter().map(|(name, _)| Column::new(name.clone(), self.units.length())));
         c.extend(self.probes.columns());
         c
@@ -192,7 +192,8 @@ impl<'a> Recorder<'a> {
         let contacts = contacts(sim);
         let mut row = vec![clock.time, clock.step as f64, clock.dt];
         row.extend([e.external_work, e.kinetic, e.strain, e.contact, e.friction, e.damping, e.axial, e.balance_error()]);
-        row.extend([contacts.records as f64, contacts.active as f64, contacts.max_penetration_to_radius, contacts.total_force]);
+        let counts = [contacts.records as f64, contacts.active as f64, contacts.max_penetration_to_radius];
+        row.extend(counts.into_iter().chain([contacts.total_force, contacts.max_force]));
         let states = node_states(&mut sim.world);
         row.extend(self.dummies.iter().map(|(_, r)| states[*r].x.length()));
         row.extend(self.probes.sample(sim));

@@ -5,12 +5,14 @@ extern crate self as braid_ecs;
 
 pub mod amplitude;
 pub mod assembly;
+pub mod catalog;
 pub mod checkpoint;
 pub mod cli;
 pub mod columns;
 pub mod components;
 pub mod element;
 pub mod generate;
+pub mod kit;
 pub mod lane;
 pub mod ledger;
 pub mod measure;

@@ -1,7 +1,9 @@
-//! What a binary knows: element kinds and installers, in the order in which plugins added them.
+//! What a binary knows: element kinds, settings, probes, measures and installers, in the order in which plugins added them.
 use crate::element::Element;
+use crate::measure::Quantity;
 use crate::model::{Chain, Material, Model, Section};
 use crate::simulation::Install;
+use bevy_ecs::world::World;
 use std::collections::BTreeMap;
 
 /// What is wrong with an entry of a scene, relative to that entry.
@@ -154,6 +156,65 @@ fn read_settings<S: Settings>(text: &str, build: &mut Build<'_>) -> Result<Strin
     Ok(resolved)
 }
 
+/// A probe of a plugin: a value of a scene's `probes`, written
+/// `Custom(probe: "lab.drag", settings: (...))`; the implementing type is what `settings` reads.
+/// Register it with [`Simulation::add_probe`](crate::simulation::Simulation::add_probe).
+pub trait CustomProbe: serde::de::DeserializeOwned + Send + Sync + 'static {
+    /// The name; names from outside carry a prefix (`lab.drag`).
+    const NAME: &'static str;
+    /// One sentence for `braid-ecs plugins` and messages.
+    const ABOUT: &'static str;
+    /// What the value is, for units in headers.
+    const QUANTITY: Quantity;
+
+    /// Checks the settings against the finished model, and may fill in what follows from it.
+    ///
+    /// # Errors
+    /// What is wrong, naming the field inside `settings`.
+    fn check(&mut self, model: &Model) -> Result<(), SpecError>;
+
+    /// The value now; must not change anything.
+    fn value(&self, world: &mut World) -> f64;
+}
+
+/// Reads the value of a checked probe.
+pub type ReadProbe = std::sync::Arc<dyn Fn(&mut World) -> f64 + Send + Sync>;
+
+/// One registered kind of probe.
+#[derive(Clone, Copy)]
+pub struct ProbeKind {
+    /// Name in the scene.
+    pub name: &'static str,
+    /// One sentence.
+    pub about: &'static str,
+    /// What its values are.
+    pub quantity: Quantity,
+    /// Reads the RON of its settings and checks them.
+    pub read: fn(&str, &Model) -> Result<ReadProbe, ReadError>,
+}
+
+fn read_probe<P: CustomProbe>(text: &str, model: &Model) -> Result<ReadProbe, ReadError> {
+    let mut probe: P = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
+    probe.check(model).map_err(ReadError::Whole)?;
+    Ok(std::sync::Arc::new(move |world: &mut World| probe.value(world)))
+}
+
+/// A number about the whole model, taken at the end of a run, or `None` where it has no meaning.
+pub type Measurement = fn(&Model, &mut World) -> Option<f64>;
+
+/// One registered measure.
+#[derive(Clone, Copy)]
+pub struct MeasureKind {
+    /// Name in summaries and in `expect`.
+    pub name: &'static str,
+    /// One sentence.
+    pub about: &'static str,
+    /// What its values are.
+    pub quantity: Quantity,
+    /// Takes it.
+    pub take: Measurement,
+}
+
 /// One registered kind of element.
 #[derive(Clone, Copy)]
 pub struct ElementKind {
@@ -189,6 +250,10 @@ pub struct Registry {
     pub installers: Vec<(&'static str, Installer)>,
     /// Settings of plugins, in the order in which they are read.
     pub settings: Vec<SettingsKind>,
+    /// Probes of plugins.
+    pub probes: Vec<ProbeKind>,
+    /// Measures of plugins, in the order in which they are taken.
+    pub measures: Vec<MeasureKind>,
 }
 
 impl Registry {
@@ -209,6 +274,30 @@ impl Registry {
     pub fn add_settings<S: Settings>(&mut self) {
         assert!(self.settings_of(S::KEY).is_none(), "settings `{}` are registered twice", S::KEY);
         self.settings.push(SettingsKind { key: S::KEY, about: S::ABOUT, read: read_settings::<S> });
+    }
+
+    /// The probe of a plugin called `name`.
+    pub fn probe(&self, name: &str) -> Option<&ProbeKind> {
+        self.probes.iter().find(|k| k.name == name)
+    }
+
+    /// Adds a probe.
+    ///
+    /// # Panics
+    /// If the name is taken: two plugins claim the same name.
+    pub fn add_probe<P: CustomProbe>(&mut self) {
+        assert!(self.probe(P::NAME).is_none(), "probe `{}` is registered twice", P::NAME);
+        self.probes.push(ProbeKind { name: P::NAME, about: P::ABOUT, quantity: P::QUANTITY, read: read_probe::<P> });
+    }
+
+    /// Adds a measure.
+    ///
+    /// # Panics
+    /// If the name is taken, by a plugin or by a measure of the program.
+    pub fn add_measure(&mut self, kind: MeasureKind) {
+        let taken = self.measures.iter().map(|k| k.name).chain(crate::catalog::MEASURES.iter().map(|m| m.0)).any(|n| n == kind.name);
+        assert!(!taken, "measure `{}` is registered twice", kind.name);
+        self.measures.push(kind);
     }
 
     /// Adds an element kind.

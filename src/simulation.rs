@@ -188,6 +188,16 @@ impl Simulation {
         self.registry.add_settings::<S>();
     }
 
+    /// Registers a probe: a value that scenes may ask for with `Custom(probe: ...)`.
+    pub fn add_probe<P: crate::registry::CustomProbe>(&mut self) {
+        self.registry.add_probe::<P>();
+    }
+
+    /// Registers a measure: a number that every run reports at its end where `take` gives one.
+    pub fn add_measure(&mut self, kind: crate::registry::MeasureKind) {
+        self.registry.add_measure(kind);
+    }
+
     /// Registers a function that adds systems for models that need them.
     pub fn add_installer(&mut self, name: &'static str, installer: Installer) {
         self.registry.installers.push((name, installer));

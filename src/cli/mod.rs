@@ -13,6 +13,7 @@
 mod bench;
 mod check;
 mod message;
+mod plugins;
 mod processor;
 mod progress;
 mod report;
@@ -58,6 +59,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Go on with a run that was stopped, from its last checkpoint.
     Resume(resume::ResumeArgs),
+    /// List what scenes of this program may name: elements, settings, probes, measures, amplitudes.
+    Plugins(plugins::PluginsArgs),
     /// Tell how far a run has come.
     Status(status::StatusArgs),
     /// Stop a run, or have it write a checkpoint or a frame.
@@ -115,6 +118,7 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
         (Some(Command::Study(args)), _) => study::run(&args, plugins),
         (Some(Command::Resume(args)), _) => resume::resume(&args, plugins),
+        (Some(Command::Plugins(args)), _) => plugins::list(&args, plugins),
         (Some(Command::Status(args)), _) => status::status(&args),
         (Some(Command::Ctl(args)), _) => status::control(&args),
         (None, Some(scene)) => run::run(&scene, &cli.run, plugins),

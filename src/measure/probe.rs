@@ -3,11 +3,12 @@
 //! A [`ProbeSpec`] is what the scene says, with nodes by number or name; [`ProbeSpec::resolve`] checks it
 //! against the model and gives a [`Probe`], which reads.
 use super::node_ref::NodeRef;
-use super::reading::{Probe, Read, Reduce};
+use super::reading::{CustomRead, Probe, Read, Reduce};
 use crate::model::Model;
-use crate::registry::{Registry, SpecError};
+use crate::registry::{ReadError, Registry, SpecError};
 use crate::systems::surface::surface_specs;
 use glam::DVec3;
+use ron::value::RawValue;
 use serde::{Deserialize, Serialize};
 
 /// What is read of a vector.
@@ -192,10 +193,22 @@ pub enum ProbeSpec {
         /// Second line, from one node to another.
         to: Vec<NodeRef>,
     },
+    /// A probe of a plugin.
+    Custom {
+        /// Its name (`lab.drag`).
+        probe: String,
+        /// What it asks for (default `()`).
+        #[serde(default = "nothing")]
+        settings: Box<RawValue>,
+    },
     /// Largest value of a probe over all samples so far.
     Max(Box<ProbeSpec>),
     /// Smallest value of a probe over all samples so far.
     Min(Box<ProbeSpec>),
+}
+
+fn nothing() -> Box<RawValue> {
+    RawValue::from_ron("()").expect("`()` is RON").to_owned()
 }
 
 fn period() -> NodeRef {
@@ -206,6 +219,12 @@ fn mandrel() -> String {
     "mandrel".into()
 }
 
+/// The path of a field of the settings of a plugin's probe, seen from the probe.
+fn inside_settings(path: &str) -> String {
+    let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
+    format!("settings{dot}{path}")
+}
+
 /// Number of a surface by its name.
 fn surface_number(name: &str, model: &Model) -> Result<usize, SpecError> {
     let specs = surface_specs(model);
@@ -214,6 +233,15 @@ fn surface_number(name: &str, model: &Model) -> Result<usize, SpecError> {
 }
 
 impl ProbeSpec {
+    /// Name and settings of the probe of a plugin, if this is one, or the largest or smallest value of one.
+    pub fn custom(&self) -> Option<(&str, &RawValue)> {
+        match self {
+            ProbeSpec::Custom { probe, settings } => Some((probe, settings)),
+            ProbeSpec::Max(inner) | ProbeSpec::Min(inner) => inner.custom(),
+            _ => None,
+        }
+    }
+
     /// Checks nodes, elements and rotations; errors name the field inside the probe.
     ///
     /// # Errors
@@ -241,6 +269,15 @@ impl ProbeSpec {
             ProbeSpec::Max(inner) | ProbeSpec::Min(inner) => {
                 let reduce = if matches!(self, ProbeSpec::Max(_)) { Reduce::Max } else { Reduce::Min };
                 return Ok(Probe { reduce, ..inner.resolve(model, registry)? });
+            }
+            ProbeSpec::Custom { probe, settings } => {
+                let known = registry.probes.iter().map(|k| k.name);
+                let kind = registry.probe(probe).ok_or_else(|| SpecError::unknown("probe", "probe of a plugin", probe, known))?;
+                let read = (kind.read)(settings.get_ron(), model).map_err(|e| match e {
+                    ReadError::Syntax(e) => SpecError::new("settings", e.to_string()),
+                    ReadError::Whole(e) | ReadError::Entry { error: e, .. } => SpecError { path: inside_settings(&e.path), ..e },
+                })?;
+                Read::Custom(CustomRead { quantity: kind.quantity, read })
             }
             ProbeSpec::Position { node: n, component } => Read::Position(node(n)?, *component),
             ProbeSpec::Displacement { node: n, component } => Read::Displacement(node(n)?, *component),

@@ -3,6 +3,7 @@ use super::probe::{Component as Of, EnergyTerm, SectionTerm};
 use crate::assembly::KindReports;
 use crate::components::*;
 use crate::ledger::{ContactSummary, EnergyLedger};
+use crate::registry::ReadProbe;
 use crate::simulation::{HeldDofs, NodeEntities, NodeRows};
 use crate::step::Clock;
 use crate::systems::surface::SurfaceReactions;
@@ -80,6 +81,26 @@ pub(super) enum Read {
     DummyLength(NodeId),
     Distance([NodeId; 2]),
     Angle([NodeId; 4]),
+    Custom(CustomRead),
+}
+
+/// A probe of a plugin, checked against the model.
+#[derive(Clone)]
+pub(super) struct CustomRead {
+    pub(super) quantity: Quantity,
+    pub(super) read: ReadProbe,
+}
+
+impl PartialEq for CustomRead {
+    fn eq(&self, other: &Self) -> bool {
+        self.quantity == other.quantity && std::sync::Arc::ptr_eq(&self.read, &other.read)
+    }
+}
+
+impl std::fmt::Debug for CustomRead {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CustomRead").field("quantity", &self.quantity).finish_non_exhaustive()
+    }
 }
 
 impl Probe {
@@ -96,6 +117,7 @@ impl Probe {
             Read::Energy(_) => Quantity::Energy,
             Read::TimeStep => Quantity::Time,
             Read::MaxPenetration => Quantity::Number,
+            Read::Custom(custom) => custom.quantity,
         }
     }
 
@@ -161,6 +183,7 @@ impl Probe {
             Read::Angle([a, b, c, d]) => {
                 (position(world, *b) - position(world, *a)).angle_between(position(world, *d) - position(world, *c))
             }
+            Read::Custom(custom) => (custom.read)(world),
         }
     }
 }

@@ -78,11 +78,16 @@ pub fn unit(quantity: Quantity, units: UnitSystem) -> String {
     }
 }
 
-/// The measures of the present state: cell length, and of a braid angle (degrees) and thickness.
+/// The measures of the present state: cell length, of a braid angle (degrees) and thickness, and those of plugins.
 pub fn measures(model: &Model, sim: &mut Simulation, units: UnitSystem) -> BTreeMap<String, Measure> {
     let of = |e: Estimate, unit: &str| Measure { mean: finite(e.mean), ci95: e.ci95.and_then(finite), n: e.n, unit: unit.into() };
     let single = |v: f64| Measure { mean: finite(v), ci95: None, n: 1, unit: units.length().into() };
     let mut out = BTreeMap::new();
+    for kind in sim.registry.measures.clone() {
+        if let Some(value) = (kind.take)(model, &mut sim.world) {
+            out.insert(kind.name.into(), Measure { mean: finite(value), ci95: None, n: 1, unit: unit(kind.quantity, units) });
+        }
+    }
     if let Some(braid) = braid_measures(model, &mut sim.world, heights(model)) {
         out.insert("length".into(), single(braid.length));
         out.insert("angle".into(), of(braid.angle.scaled(180.0 / std::f64::consts::PI), "deg"));

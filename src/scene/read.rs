@@ -1,12 +1,12 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
 use super::error::{Category, EXPECTED_TEXT, Problem, SceneErrors, from_ron};
 use super::schema::{Scene, VERSIONS};
-use super::spans::{MAX_DEPTH, Path, Step, Tree, Value, tree};
+use super::spans::{Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
 use super::{build, ron_options, set};
 use crate::measure::Probe;
 use crate::model::Model;
-use crate::registry::{Registry, nearest};
+use crate::registry::{Registry, SpecError, nearest};
 use crate::simulation::SimulationError;
 use serde::Deserialize;
 use std::ops::Range;
@@ -63,7 +63,9 @@ fn resolved_text(scene: &Scene) -> String {
     let pretty = ron::ser::PrettyConfig::new().compact_arrays(true);
     let mut text = ron_options().to_string_pretty(scene, pretty).expect("a scene consists of plain data");
     let end = text.rfind(')').expect("a scene is a struct");
-    let settings: String = scene.settings.iter().map(|(key, value)| format!("    {key}: {value},\n")).collect();
+    // Names with a prefix stand in quotes, as they do in scenes.
+    let quoted = |key: &str| if key.contains('.') { format!("{key:?}") } else { key.to_string() };
+    let settings: String = scene.settings.iter().map(|(key, value)| format!("    {}: {value},\n", quoted(key))).collect();
     text.insert_str(end, &settings);
     text
 }
@@ -190,6 +192,16 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
     if let Some((path, span)) = root.repeated() {
         let mut problem = Problem::new(path, "an entry of this name is there already");
         problem.span = Some(span);
+        return Err(Box::new(problem));
+    }
+    // A key in quotes can only be a section of a plugin.
+    let foreign =
+        |i: &&Item| text[i.key_span.clone()].starts_with('"') && i.key.as_deref().is_some_and(|k| registry.settings_of(k).is_none());
+    if let Some(item) = root.items.iter().find(foreign) {
+        let error =
+            SpecError::unknown("", "section of a plugin", item.key.as_deref().unwrap_or_default(), registry.settings.iter().map(|k| k.key));
+        let mut problem = Problem::of_entry(&Path::default(), error);
+        problem.span = Some(item.key_span.clone());
         return Err(Box::new(problem));
     }
     // Settings of plugins are read later, by their own readers.

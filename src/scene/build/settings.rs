@@ -1,13 +1,11 @@
 //! Settings of plugins, probes and expected values.
 use super::{Builder, at};
-use crate::measure::Probe;
+use crate::catalog::MEASURES;
+use crate::measure::{Probe, ProbeSpec};
 use crate::registry::{ReadError, SpecError};
 use crate::scene::error::{Problem, from_ron};
 use crate::scene::schema::Scene;
 use crate::scene::spans::Path;
-
-/// What braids and periodic structures report without being asked.
-const MEASURES: [&str; 3] = ["length", "angle", "thickness"];
 
 impl Builder<'_> {
     pub(super) fn add_settings(&mut self, scene: &mut Scene) {
@@ -30,12 +28,18 @@ impl Builder<'_> {
     pub(super) fn probes(&mut self, scene: &Scene) -> Vec<(String, Probe)> {
         let mut probes = Vec::new();
         for (name, spec) in &scene.probes {
-            let found = spec.resolve(&self.model, self.registry);
-            probes.extend(self.noted(&at("probes").key(name), found).map(|p| (name.clone(), p)));
+            let path = at("probes").key(name);
+            if let Some(problem) = scene.units.while_reading(|| self.misread_settings(&path, spec)) {
+                self.problems.push(problem);
+                continue;
+            }
+            let found = scene.units.while_reading(|| spec.resolve(&self.model, self.registry));
+            probes.extend(self.noted(&path, found).map(|p| (name.clone(), p)));
         }
         for (name, expected) in &scene.expect {
             let path = at("expect").key(name);
-            let known = MEASURES.into_iter().chain(scene.probes.keys().map(String::as_str));
+            let measures = MEASURES.iter().map(|m| m.0).chain(self.registry.measures.iter().map(|m| m.name));
+            let known = measures.chain(scene.probes.keys().map(String::as_str));
             if !known.clone().any(|k| k == name) {
                 self.problems.push(Problem::of_entry(&path, SpecError::unknown("", "measure or probe", name, known)));
             }
@@ -44,5 +48,15 @@ impl Builder<'_> {
             }
         }
         probes
+    }
+
+    /// What the reader says of the settings of a plugin's probe, with its place in the text.
+    fn misread_settings(&self, path: &Path, spec: &ProbeSpec) -> Option<Problem> {
+        let kind = self.registry.probe(spec.custom()?.0)?;
+        let span = self.root.find(&path.key("settings"))?.span.clone();
+        match (kind.read)(&self.text[span.clone()], &self.model) {
+            Err(ReadError::Syntax(e)) => Some(from_ron(e, self.text, span, Some(self.root), None)),
+            _ => None,
+        }
     }
 }

@@ -214,5 +214,9 @@ fn print(rows: &[Row], meshes: bool) {
     }
     let promised = rows.iter().filter(|r| r.mesh >= 1.0).count();
     let missed = rows.iter().filter(|r| r.missed()).count();
-    out(&format!("{} of {promised} quantities as expected", promised - missed));
+    if promised > 0 {
+        out(&format!("{} of {promised} quantities as expected", promised - missed));
+    } else {
+        out("no mesh was as fine as that of its scene: nothing was promised");
+    }
 }

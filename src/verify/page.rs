@@ -116,8 +116,8 @@ fn curves(rows: &[&Row]) -> Option<String> {
     if few >= many {
         return None;
     }
-    // A line of slope two just above all points.
-    let c = all.iter().map(|p| p.1 * p.0 * p.0).fold(0.0, f64::max) * 1.5;
+    // A line of slope two just below all points: above them is the legend.
+    let c = all.iter().map(|p| p.1 * p.0 * p.0).fold(f64::INFINITY, f64::min) / 1.5;
     series.push(Series::line("order 2", vec![(few, c / (few * few)), (many, c / (many * many))]));
     let of = if of > CURVES { format!(" ({CURVES} largest of {of})") } else { String::new() };
     let plot = Plot { title: format!("{}{of}", title(rows)), x: Axis::log("elements [-]"), y: Axis::log("error [-]"), series };

@@ -1,4 +1,18 @@
 //! Scenes with known answers: a run without files, compared with what the scene expects.
+//!
+//! | step | file |
+//! |---|---|
+//! | a scene, run and compared | this one |
+//! | the same scene on several meshes: the order of convergence | `order.rs` |
+//! | one line per scene, mesh and quantity; `verification.json` | `table.rs` |
+//! | plots and the self-contained `verification.html` | `page.rs` |
+pub mod order;
+mod page;
+mod table;
+
+pub use table::{Broken, Outcome, Row, rows};
+
+use crate::assembly::KindReports;
 use crate::output::expected::{Comparison, compare};
 use crate::output::measured::{Probes, measures, probes};
 use crate::output::sampling::Sampler;
@@ -14,6 +28,12 @@ use std::time::Instant;
 pub struct Verified {
     /// Name of the scene.
     pub scene: String,
+    /// Its title.
+    pub title: String,
+    /// Factor on the numbers that make its mesh finer; 1 on the mesh of the scene itself.
+    pub mesh: f64,
+    /// Elements of all kinds.
+    pub elements: usize,
     /// Every expectation of the scene against what came out.
     pub rows: Vec<Comparison>,
     /// Steps made.
@@ -47,7 +67,8 @@ impl Observer for Watch {
     }
 }
 
-/// Runs a scene in a simulation that has its plugins and no model yet, and compares.
+/// Runs a scene in a simulation that has its plugins and no model yet, and compares. The mesh counts as
+/// that of the scene itself.
 ///
 /// # Errors
 /// A model that cannot be built, or a run that fails.
@@ -63,9 +84,13 @@ pub fn verify(loaded: &LoadedScene, mut sim: Simulation) -> Result<Verified, Sim
     let mut watch = Watch { probes: Probes::new(probes(loaded), units), sampler, started: false };
     run::continue_run(&mut sim, model, interval, &mut watch)?;
     watch.probes.sample(&mut sim);
+    let elements = sim.world.get_resource::<KindReports>().map_or(0, |k| k.0.iter().map(|k| k.count).sum());
     let summary = Summary { measures: measures(model, &mut sim, units), probes: watch.probes.values(), ..Summary::default() };
     Ok(Verified {
         scene: loaded.name(),
+        title: loaded.scene.title.clone(),
+        mesh: 1.0,
+        elements,
         rows: compare(&loaded.scene, &summary),
         steps: sim.world.resource::<Clock>().step,
         seconds: begin.elapsed().as_secs_f64(),

@@ -117,3 +117,50 @@ fn the_same_bits_for_any_number_of_threads() {
     };
     assert_eq!(hash("1", "a"), hash("3", "b"));
 }
+
+#[test]
+fn a_verification_writes_its_table_and_plots_and_nothing_over_others() {
+    let expect = r#"expect: {"tip": (value: 1, abs: 10)}, refine: ["polylines[0].subdivisions"],
+    output: (pictures: false),"#;
+    let dir = folder_with(&STRIP.replace("output: (pictures: false),", expect));
+    let run = |arguments: &[&str]| parts(&program(dir.path(), arguments));
+    let (code, out, err) = run(&["verify", "strip.ron", "--mesh", "1", "0.4", "2"]);
+    assert_eq!(code, 0, "{err}");
+    for part in ["order", "mesh", "0.4", "2 of 2 quantities", "results/verification/verification.html"] {
+        assert!(out.contains(part), "{part} is missing in\n{out}");
+    }
+    let folder = dir.path().join("results/verification");
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.join("verification.json")).unwrap()).unwrap();
+    let meshes: Vec<f64> = json["rows"].as_array().unwrap().iter().map(|r| r["mesh"].as_f64().unwrap()).collect();
+    assert_eq!(meshes, [0.4, 1.0, 2.0]);
+    assert!(json["rows"][2].as_object().unwrap().contains_key("order") && json["rows"][2]["elements"] == 10);
+    assert!(std::fs::read_to_string(folder.join("verification.html")).unwrap().contains("order 2"));
+    // It replaces its own files, and nothing else.
+    let (code, out, err) = run(&["verify", "strip.ron", "--json"]);
+    assert_eq!(code, 0, "{err}");
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&out).unwrap().as_array().unwrap().len(), 1);
+    std::fs::write(folder.join("verification.html"), "mine").unwrap();
+    let (code, _, err) = run(&["verify", "strip.ron"]);
+    assert!(code == 4 && err.contains("verification.html") && err.contains("--out DIR"), "{code} {err}");
+    assert_eq!(std::fs::read_to_string(folder.join("verification.html")).unwrap(), "mine");
+    // What makes no sense is refused before anything is run or written.
+    for (arguments, part) in [
+        (&["verify", "strip.ron", "--mesh", "0"][..], "a factor above zero"),
+        (&["verify", "--mesh", "2", "strip.ron"], "names of scenes stand before --mesh"),
+        (&["verify", "strip.ron", "--mesh", "0.5", "--out", "o"], "0.5 times 5 is no whole number"),
+    ] {
+        let (code, _, err) = run(arguments);
+        assert!(code == 2 && err.contains(part), "{arguments:?}: {code} {err}");
+    }
+    std::fs::write(dir.path().join("plain.ron"), STRIP).unwrap();
+    let (code, _, err) = run(&["verify", "plain.ron", "--mesh", "2"]);
+    assert!(code == 2 && err.contains("`refine`"), "{code} {err}");
+    // A miss is a miss on the mesh of the scene, not on a coarser one.
+    std::fs::write(
+        dir.path().join("far.ron"),
+        STRIP.replace("output:", "expect: {\"tip\": (value: 1e3, rel: 0.1)}, refine: [\"polylines[0].subdivisions\"], output:"),
+    )
+    .unwrap();
+    assert_eq!(run(&["verify", "far.ron", "--mesh", "0.2", "--out", "p"]).0, 0);
+    assert_eq!(run(&["verify", "far.ron", "--out", "p"]).0, 6);
+}

@@ -73,6 +73,7 @@ impl Failure {
             }
             Failure::Study(e) => format!("error: {e}"),
             Failure::Rows(n) => format!("{n} run{} failed; what came out of the others is kept", if *n == 1 { "" } else { "s" }),
+            Failure::Output(e @ OutputError::Foreign { .. }) => format!("error: {e}\n  help: choose another folder with --out DIR"),
             Failure::Output(e) => format!("error: {e}"),
             Failure::Short(n) => format!("{n} quantities are not as expected"),
             Failure::Checkpoint(e) => format!("error: {e}"),
@@ -81,6 +82,12 @@ impl Failure {
             }
             Failure::Stopped(folder) => format!("stopped before its end; to go on: braid-ecs resume {}", folder.display()),
         }
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.text())
     }
 }
 

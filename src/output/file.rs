@@ -23,6 +23,14 @@ pub enum OutputError {
         /// The folder.
         path: PathBuf,
     },
+    /// A file or folder in the way that another command, or somebody else, has written.
+    #[error("`{}` is in the way: it was not written by `{author}`", path.display())]
+    Foreign {
+        /// The file or folder.
+        path: PathBuf,
+        /// Who wanted to write there.
+        author: &'static str,
+    },
 }
 
 impl OutputError {

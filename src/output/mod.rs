@@ -7,7 +7,7 @@
 //! | `history.rs`, `summary.rs` | `history.csv`, `summary.json` and the hash of the state |
 //! | `lines.rs`, `frame.rs`, `vtp.rs` | the lines of a model as ParaView polylines |
 //! | `picture.rs`, `render/` | shaded tubes as PNG |
-//! | `plot.rs` | diagrams as SVG |
+//! | `plot.rs`, `page.rs` | diagrams as SVG; the look of pages with them |
 //! | `measured.rs`, `expected.rs`, `quality.rs` | what a scene asks to be measured and expects; how good the state is |
 //! | `timing.rs` | wall time of a step by set |
 //! | `status.rs`, `pace.rs`, `control.rs` | how far a run has come and how fast it goes, for others to see; what it is told |
@@ -20,6 +20,7 @@ pub mod history;
 pub mod lines;
 pub mod measured;
 pub mod pace;
+pub(crate) mod page;
 pub mod picture;
 pub mod plot;
 pub mod quality;

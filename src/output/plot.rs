@@ -260,8 +260,13 @@ fn ticks((low, high): (f64, f64), log: bool) -> Vec<f64> {
             let stride = decades.len().div_ceil(8) as i64;
             return decades.into_iter().filter(|d| d.rem_euclid(stride) == 0).map(|d| d as f64).collect();
         }
-        let parts = (low.floor() as i64..=high.ceil() as i64).flat_map(|d| [1.0f64, 2.0, 5.0].map(|m| m.log10() + d as f64));
-        return parts.filter(|t| *t >= low && *t <= high).collect();
+        let parts = |multiples: &[f64]| -> Vec<f64> {
+            let all = (low.floor() as i64..=high.ceil() as i64).flat_map(|d| multiples.iter().map(move |m| m.log10() + d as f64));
+            // The ends count although a logarithm has rounded them.
+            all.filter(|t| *t >= low - 1e-9 && *t <= high + 1e-9).collect()
+        };
+        let few = parts(&[1.0, 2.0, 5.0]);
+        return if few.len() < 3 { parts(&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]) } else { few };
     }
     let raw = (high - low) / 6.0;
     let power = 10f64.powf(raw.log10().floor());
@@ -315,6 +320,8 @@ mod tests {
         assert_eq!(ticks((-7.2, -2.8), true), [-7.0, -6.0, -5.0, -4.0, -3.0]);
         let labels: Vec<String> = ticks((0.0, 1.0), true).iter().map(|t| tick_label(*t, &[], true)).collect();
         assert_eq!(labels, ["1", "2", "5", "10"]);
+        let narrow: Vec<String> = ticks((40f64.log10(), 80f64.log10()), true).iter().map(|t| tick_label(*t, &[], true)).collect();
+        assert_eq!(narrow, ["40", "50", "60", "70", "80"], "a range with one of 1, 2, 5 in it has other ticks");
         assert_eq!(tick_label(3e-7, &[1e-7, 2e-7], false), "3e-7");
         assert_eq!(tick_label(-6.0, &[], true), "1e-6");
     }

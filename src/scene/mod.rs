@@ -6,10 +6,12 @@
 //! | `--set path=value` edits the text | `set.rs` |
 //! | text to [`Scene`](schema::Scene), quantities converted to scene units | `read.rs`, `schema/`, `units.rs` |
 //! | scene to model, physics checked | `build/` |
+//! | the same scene on a finer mesh | `refined.rs` |
 //! | what is wrong, where, what would be right | `error.rs` |
 mod build;
 pub mod error;
 mod read;
+mod refined;
 pub mod schema;
 mod set;
 pub mod spans;

@@ -27,7 +27,7 @@ pub mod results;
 pub mod scatter;
 mod schema;
 mod tables;
-mod text;
+pub(crate) mod text;
 
 pub use execute::{Claim, Event, Existing, Options, claim, execute};
 pub use plan::{MAX_ROWS, Plan, Row, Run};

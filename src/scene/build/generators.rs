@@ -1,7 +1,7 @@
 //! Braid, bundles, strands and polylines.
 use super::{Builder, at};
 use crate::components::NodeId;
-use crate::generate::{self, Generated};
+use crate::generate::{self, Generated, PolylineSpec};
 use crate::registry::SpecError;
 use crate::scene::error::Problem;
 use crate::scene::schema::Scene;
@@ -37,8 +37,25 @@ impl Builder<'_> {
                 continue;
             }
             let made = self.with_build(|b| generate::polyline(spec, registry, b));
+            let first = made.as_ref().map_or(0, |g| g.filaments.start);
+            let good = made.is_ok();
             self.generated(at("polylines").index(i), &spec.name, made);
+            if good {
+                self.name_corners(spec, first);
+            }
         }
+    }
+
+    /// Names the nodes at the corners of a polyline, `NAME.points[1]`: names that stay where they are when
+    /// the mesh becomes finer.
+    fn name_corners(&mut self, spec: &PolylineSpec, filament: usize) {
+        let nodes = &self.model.filaments[filament].nodes;
+        let corners: Vec<NodeId> = nodes.iter().copied().step_by(spec.subdivisions).take(spec.points.len()).collect();
+        if nodes.len() <= NAMED {
+            let names = corners.iter().enumerate().map(|(k, n)| (format!("{}.points[{k}]", spec.name), *n));
+            self.model.node_names.extend(names);
+        }
+        self.groups.insert(format!("{}.points", spec.name), corners);
     }
 
     fn add_braid(&mut self, scene: &Scene) {

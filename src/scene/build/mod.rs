@@ -6,9 +6,12 @@ mod generators;
 mod hints;
 mod loads;
 mod material;
+mod refine;
 mod run;
 mod settings;
 mod topology;
+
+pub(super) use refine::number_at;
 
 use super::error::Problem;
 use super::schema::{NodeRef, Scene};
@@ -58,6 +61,7 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         b.add_settings(scene);
     }
     let probes = b.probes(scene);
+    b.check_refine(scene);
     if !b.problems.is_empty() {
         return Err(b.problems);
     }

@@ -130,6 +130,9 @@ pub struct Scene {
     /// Expected values of measures and probes, compared at the end.
     #[serde(default)]
     pub expect: BTreeMap<String, ExpectSpec>,
+    /// Paths of the whole numbers that make the mesh finer, all by the same factor: `polylines[0].subdivisions`.
+    #[serde(default)]
+    pub refine: Vec<String>,
     /// Settings of plugins (`contact`, `mandrel` ...) by key, as text with all defaults.
     #[serde(skip)]
     pub settings: BTreeMap<String, String>,

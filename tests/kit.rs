@@ -5,6 +5,8 @@ use braid_ecs::systems::{beam::Beam, bending::Bending, default_plugins, truss::T
 
 #[path = "../examples/lab_plastic_truss.rs"]
 mod lab_plastic_truss;
+#[path = "../examples/lab_slip_beam.rs"]
+mod lab_slip_beam;
 #[path = "../examples/lab_spring.rs"]
 mod lab_spring;
 
@@ -44,6 +46,9 @@ fn the_elements_of_the_examples_hold() {
     let plugins = (default_plugins, lab_spring::plugin);
     let spring = scene(r#""lab.spring": [(nodes: [0, 1], stiffness: 5, cubic: 20)], "truss": [(nodes: [0, 1, 2], section: "bar")]"#);
     holds(&Specimen::<lab_spring::Spring, 2>::of_scene(plugins, &spring).expect("a sound scene").report());
+    let plugins = (default_plugins, lab_slip_beam::plugin);
+    let slip = scene(r#""lab.slip_beam": [(nodes: [0, 1, 2], section: "bar", stuck: 12, slip_moment: 100)]"#);
+    holds(&Specimen::<lab_slip_beam::SlipBeam, 2>::of_scene(plugins, &slip).expect("a sound scene").report());
     // It yields at a strain of 0.1: the deformed shapes must stay below, where the energy is a function of the shape.
     let plugins = (default_plugins, lab_plastic_truss::plugin);
     let plastic =
@@ -52,55 +57,67 @@ fn the_elements_of_the_examples_hold() {
     holds(&specimen.deformed_by(0.01).report());
 }
 
+/// What is wrong with a spring.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Mistake {
+    Nothing,
+    Sign,
+    OneEnd,
+    Energy,
+    FixedDirection,
+    SoftBound,
+    StiffBound,
+    Stressed,
+}
+use Mistake::*;
+
 /// A spring with one mistake.
 #[derive(Component, Clone, Debug, Serialize, Deserialize)]
-struct Wrong<const MISTAKE: u8> {
+struct Wrong {
     length: f64,
-    calls: f64,
+    mistake: Mistake,
 }
 
-const NONE: u8 = 0;
-const SIGN: u8 = 1;
-const ONE_END: u8 = 2;
-const ENERGY: u8 = 3;
-const FIXED_DIRECTION: u8 = 4;
-const SOFT_BOUND: u8 = 5;
-const STIFF_BOUND: u8 = 6;
-const STRESSED: u8 = 7;
+#[derive(Deserialize)]
+struct WrongSpec {
+    nodes: Vec<NodeId>,
+    mistake: Mistake,
+}
 
-impl<const MISTAKE: u8> Element<2> for Wrong<MISTAKE> {
+impl Element<2> for Wrong {
     const NAME: &'static str = "test.wrong";
     const ABOUT: &'static str = "a spring with a mistake";
     type Force = DVec3;
-    type Spec = [NodeId; 2];
+    type Spec = WrongSpec;
 
-    fn read(nodes: [NodeId; 2], build: &mut Build<'_>) -> Result<(), SpecError> {
+    fn read(spec: WrongSpec, build: &mut Build<'_>) -> Result<(), SpecError> {
+        let nodes = [spec.nodes[0], spec.nodes[1]];
         let [a, b] = nodes.map(|n| build.model.nodes[n.row()].position);
-        let length = (b - a).length() * if MISTAKE == STRESSED { 0.9 } else { 1.0 };
-        build.model.add_element(Self { length, calls: 0.0 }, nodes);
+        let length = (b - a).length() * if spec.mistake == Stressed { 0.9 } else { 1.0 };
+        build.model.add_element(Wrong { length, mistake: spec.mistake }, nodes);
         Ok(())
     }
 
     fn internal_force(&mut self, nodes: [NodeState; 2]) -> [DVec3; 2] {
         let d = nodes[1].x - nodes[0].x;
-        let e = if MISTAKE == FIXED_DIRECTION { DVec3::X } else { d.normalize() };
+        let e = if self.mistake == FixedDirection { DVec3::X } else { d.normalize() };
         let f = e * (10.0 * (d.length() - self.length));
-        match MISTAKE {
-            SIGN => [f, -f],
-            ONE_END => [-f, f * 0.5],
+        match self.mistake {
+            Sign => [f, -f],
+            OneEnd => [-f, f * 0.5],
             _ => [-f, f],
         }
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
-        let factor = if MISTAKE == ENERGY { 10.0 } else { 5.0 };
+        let factor = if self.mistake == Energy { 10.0 } else { 5.0 };
         factor * ((nodes[1].x - nodes[0].x).length() - self.length).powi(2)
     }
 
     fn stiffness_bound(&self, _: [NodeState; 2], _: [NodeMass; 2]) -> [StiffnessBound; 2] {
-        let k = match MISTAKE {
-            SOFT_BOUND => 10.0,
-            STIFF_BOUND => 200.0,
+        let k = match self.mistake {
+            SoftBound => 10.0,
+            StiffBound => 200.0,
             _ => 20.0,
         };
         [StiffnessBound { translation: k, rotation: 0.0 }; 2]
@@ -111,34 +128,38 @@ impl<const MISTAKE: u8> Element<2> for Wrong<MISTAKE> {
     }
 }
 
+fn report(mistake: Mistake) -> Report {
+    let plugins = (default_plugins, |sim: &mut Simulation| sim.add_element::<Wrong, 2>());
+    let entry = format!("(nodes: [0, 1], mistake: {mistake:?})");
+    let text = format!("(units: Si, nodes: [[0, 0, 0], [1, 0.25, 0]], elements: {{\"test.wrong\": [{entry}]}}, stop: (steps: 1))");
+    Specimen::<Wrong, 2>::of_scene(plugins, &text).expect("a sound scene").report()
+}
+
 /// Names of the numbers that are not right.
-fn found<const MISTAKE: u8>() -> Vec<&'static str> {
-    let plugins = (default_plugins, |sim: &mut Simulation| sim.add_element::<Wrong<MISTAKE>, 2>());
-    let text = "(units: Si, nodes: [[0, 0, 0], [1, 0.25, 0]], elements: {\"test.wrong\": [(0, 1)]}, stop: (steps: 1))";
-    let report = Specimen::<Wrong<MISTAKE>, 2>::of_scene(plugins, text).expect("a sound scene").report();
-    assert_eq!(report.errors().len(), report.findings.iter().filter(|f| !f.holds()).count());
-    report.findings.iter().filter(|f| !f.holds()).map(|f| f.name).collect()
+fn found(mistake: Mistake) -> Vec<&'static str> {
+    let report = report(mistake);
+    let names: Vec<&str> = report.findings.iter().filter(|f| !f.holds()).map(|f| f.name).collect();
+    assert_eq!(report.errors().len(), names.len());
+    names
 }
 
 #[test]
 fn planted_mistakes_are_found_and_named() {
-    assert_eq!(found::<NONE>(), [""; 0]);
-    assert!(found::<SIGN>().contains(&"force is gradient"), "{:?}", found::<SIGN>());
-    assert!(found::<ONE_END>().contains(&"force balance"), "{:?}", found::<ONE_END>());
-    assert_eq!(found::<ENERGY>(), ["force is gradient"]);
-    let fixed = found::<FIXED_DIRECTION>();
+    assert_eq!(found(Nothing), [""; 0]);
+    assert!(found(Sign).contains(&"force is gradient"), "{:?}", found(Sign));
+    assert!(found(OneEnd).contains(&"force balance"), "{:?}", found(OneEnd));
+    assert_eq!(found(Energy), ["force is gradient"]);
+    let fixed = found(FixedDirection);
     assert!(fixed.contains(&"objectivity") && fixed.contains(&"moment balance"), "{fixed:?}");
-    assert_eq!(found::<SOFT_BOUND>(), ["time step", "time step deformed"]);
-    assert_eq!(found::<STIFF_BOUND>(), ["time step"]);
-    let stressed = found::<STRESSED>();
+    assert_eq!(found(SoftBound), ["time step", "time step deformed"]);
+    assert_eq!(found(StiffBound), ["time step"]);
+    let stressed = found(Stressed);
     assert!(stressed.contains(&"rigid motion force") && stressed.contains(&"rigid motion energy"), "{stressed:?}");
 }
 
 #[test]
 fn the_message_about_a_wrong_sign_names_force_and_slope() {
-    let plugins = (default_plugins, |sim: &mut Simulation| sim.add_element::<Wrong<SIGN>, 2>());
-    let text = "(units: Si, nodes: [[0, 0, 0], [1, 0.25, 0]], elements: {\"test.wrong\": [(0, 1)]}, stop: (steps: 1))";
-    let report = Specimen::<Wrong<SIGN>, 2>::of_scene(plugins, text).expect("a sound scene").report();
+    let report = report(Sign);
     let errors = report.errors();
     let about = errors.iter().find(|e| e.contains("force is gradient")).expect("found");
     assert!(about.starts_with("test.wrong: force is gradient is "), "{about}");

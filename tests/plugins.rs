@@ -15,6 +15,8 @@ mod lab_drag;
 mod lab_plastic_truss;
 #[path = "../examples/lab_probe.rs"]
 mod lab_probe;
+#[path = "../examples/lab_slip_beam.rs"]
+mod lab_slip_beam;
 #[path = "../examples/lab_spring.rs"]
 mod lab_spring;
 
@@ -24,6 +26,7 @@ fn all(sim: &mut Simulation) {
     lab_drag::plugin(sim);
     lab_plastic_truss::plugin(sim);
     lab_probe::plugin(sim);
+    lab_slip_beam::plugin(sim);
     lab_spring::plugin(sim);
 }
 
@@ -60,6 +63,11 @@ fn a_falling_node_reaches_its_terminal_velocity_and_a_free_one_does_not() {
 #[test]
 fn a_probe_and_a_measure_of_a_plugin_are_sampled_and_expected() {
     known_answers("lab_probe", lab_probe::plugin);
+}
+
+#[test]
+fn a_tow_slips_at_its_friction_moment_and_stays_bent_when_it_is_straightened() {
+    known_answers("lab_slip_beam", lab_slip_beam::plugin);
 }
 
 /// A scene of the examples with one part replaced, and the first thing that the program says about it.
@@ -102,7 +110,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     check(
         message("lab_spring", "\"lab.spring\": [(", "\"lab.sprnig\": [("),
         "a.ron:8:17: elements.\"lab.sprnig\": unknown kind of element `lab.sprnig`\n  \
-         help: did you mean `lab.spring`? known: truss, beam, bending, lab.plastic_truss, lab.spring",
+         help: did you mean `lab.spring`? known: truss, beam, bending, lab.plastic_truss, lab.slip_beam, lab.spring",
     );
     // Sections of the scene.
     check(
@@ -117,6 +125,10 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     check(
         message("lab_drag", "\"lab.drag\"", "\"lab.darg\""),
         "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.drag",
+    );
+    check(
+        message("lab_drag", "    stop:", "    \"lab.drag\": (density: 1, area: 1),\n    stop:"),
+        "a.ron:11:5: section `lab.drag` is given twice",
     );
     // Probes.
     check(
@@ -142,7 +154,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
 
 #[test]
 fn a_scene_with_parts_of_plugins_is_written_back_as_the_same_scene() {
-    for name in ["lab_spring", "lab_plastic_truss", "lab_drag", "lab_probe"] {
+    for name in ["lab_spring", "lab_plastic_truss", "lab_slip_beam", "lab_drag", "lab_probe"] {
         let sim = Simulation::new(all);
         let first = scene::load(file(name), &[], &sim.registry).unwrap_or_else(|e| panic!("{e}")).resolved();
         let again = scene::load_text("a.ron", first.clone(), &[], &sim.registry).unwrap_or_else(|e| panic!("{e}\n{first}")).resolved();
@@ -227,7 +239,7 @@ fn the_program_lists_what_scenes_may_name() {
     assert_eq!(names("measure"), ["length", "angle", "thickness"]);
     // The plugins of another binary are listed with the rest.
     let catalog = Simulation::new(all).registry.catalog();
-    for name in ["lab.spring", "lab.plastic_truss", "lab.drag", "lab.stretch", "lab.gyration"] {
+    for name in ["lab.spring", "lab.plastic_truss", "lab.slip_beam", "lab.drag", "lab.stretch", "lab.gyration"] {
         assert_eq!(catalog.iter().filter(|e| e.name == name).count(), 1, "{name}");
     }
 }

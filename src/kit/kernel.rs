@@ -174,7 +174,7 @@ pub(super) fn findings<E: Element<N>, const N: usize>(s: &Specimen<E, N>) -> Vec
 
     let (mut rigid_force, mut rigid_energy, mut objective) = (Worst::none(), Worst::none(), Worst::none());
     for shape in SHAPES {
-        // Up to 1.7 turns of a right angle and more: far beyond any linearisation.
+        // Rotations of several radians: far beyond any linearisation.
         let turn = DQuat::from_scaled_axis(scattered(shape, 20) * 2.5);
         let shift = scattered(shape, 21) * (10.0 * size);
         let moved = |state: [NodeState; N]| state.map(|n| NodeState { x: turn * n.x + shift, q: turn * n.q, ..n });

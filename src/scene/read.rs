@@ -204,6 +204,17 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
         problem.span = Some(item.key_span.clone());
         return Err(Box::new(problem));
     }
+    // Of two sections of one key the reader of the plugin would see only the first.
+    let again = root.items.iter().enumerate().find(|(n, item)| {
+        let settings = item.key.as_deref().is_some_and(|k| registry.settings_of(k).is_some());
+        settings && root.items[..*n].iter().any(|before| before.key == item.key)
+    });
+    if let Some((_, item)) = again {
+        let key = item.key.as_deref().unwrap_or_default();
+        let mut problem = Problem::new(Path::default(), format!("section `{key}` is given twice"));
+        problem.span = Some(item.key_span.clone());
+        return Err(Box::new(problem));
+    }
     // Settings of plugins are read later, by their own readers.
     let own = without_settings(text, root, registry);
     let text = own.as_str();

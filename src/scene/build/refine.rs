@@ -12,7 +12,8 @@ pub(in crate::scene) fn number_at(root: &Value, text: &str, path: &str) -> Resul
         .filter(|p| !p.0.is_empty())
         .ok_or_else(|| wrong(format!("`{path}` is not a path")).help("a path looks like polylines[0].subdivisions"))?;
     let Some(value) = root.find(&steps) else {
-        let known: Vec<String> = root.paths().into_iter().filter(|p| is_whole(root, text, p)).collect();
+        let mut known = Vec::new();
+        whole_numbers(root, text, &Path::default(), &mut known);
         let known: Vec<&str> = known.iter().map(String::as_str).collect();
         let near = nearest(path, &known).map_or(String::new(), |n| format!("did you mean `{n}`? "));
         let list = known.iter().take(12).map(|k| format!("`{k}`")).collect::<Vec<_>>().join(", ");
@@ -27,9 +28,15 @@ pub(in crate::scene) fn number_at(root: &Value, text: &str, path: &str) -> Resul
     })
 }
 
-fn is_whole(root: &Value, text: &str, path: &str) -> bool {
-    let value = Path::parse(path).and_then(|p| root.find(&p).map(|v| v.span.clone()));
-    value.is_some_and(|span| text[span].parse::<u64>().is_ok_and(|n| n > 0))
+/// The paths of all named values in `value` that are whole numbers above zero.
+fn whole_numbers(value: &Value, text: &str, at: &Path, found: &mut Vec<String>) {
+    for (i, item) in value.items.iter().enumerate() {
+        let path = item.key.as_ref().map_or_else(|| at.index(i), |k| at.key(k));
+        if item.key.is_some() && text[item.value.span.clone()].parse::<u64>().is_ok_and(|n| n > 0) {
+            found.push(path.to_string());
+        }
+        whole_numbers(&item.value, text, &path, found);
+    }
 }
 
 impl Builder<'_> {

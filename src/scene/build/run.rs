@@ -92,14 +92,17 @@ impl Builder<'_> {
                 self.not_negative(at("damping"), "the damping rate", alpha.0);
                 Damping::Mass(alpha.0)
             }
-            DampingSpec::Adaptive if self.time_scale.is_some() => Damping::Adaptive(1.0 / self.time_scale.map_or(1.0, |s| s.0)),
-            DampingSpec::Auto | DampingSpec::Adaptive => {
-                self.problems.push(
-                    Problem::new(at("damping"), "automatic damping needs `load`: a force along the period")
-                        .help("give the rate: Mass(120), with 1/rate about the slowest time of the problem"),
-                );
-                Damping::None
-            }
+            // Under `load` the automatic rate has been filled in already.
+            DampingSpec::Auto | DampingSpec::Adaptive => match self.time_scale {
+                Some((scale, _)) => Damping::Adaptive(1.0 / scale),
+                None => {
+                    self.problems.push(
+                        Problem::new(at("damping"), "automatic damping needs `load`: a force along the period")
+                            .help("give the rate: Mass(120), with 1/rate about the slowest time of the problem"),
+                    );
+                    Damping::None
+                }
+            },
         };
         let spec = &scene.integration;
         self.model.integration = Integration {

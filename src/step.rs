@@ -8,8 +8,9 @@
 //!  5 Assembly        f = loads - internal, in registration order        systems/load.rs, src/assembly.rs
 //!  6 ContactForces   penalty and friction over sorted records           systems/contact/, systems/surface/
 //!  7 Condensation    forces of dependents to independents (T^t f)       systems/boundary.rs, constraint.rs
-//!  8 Dynamics        v += dt f/m ; damping ; implicit axial tension     systems/integration.rs, axial_implicit.rs
-//!  9 Monitor         energies, finite check, next dt                    systems/energy.rs, time_step.rs
+//!  8 Dynamics        v += dt f/m ; damping ; implicit axial tension ;   systems/integration.rs, axial_implicit/,
+//!                    kinematic surfaces                                 surface/kinematic.rs
+//!  9 Monitor         energies, finite check, adaptive damping, next dt  systems/energy.rs, adaptive_damping.rs, time_step.rs
 //! 10 Output          samples of histories and probes                    src/output/
 //! ```
 //!

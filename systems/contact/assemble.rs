@@ -239,12 +239,8 @@ fn put_image(lines: &Lines, image: Image, f: DVec3, add: &mut impl FnMut(usize, 
 /// Adds a force on the tangent of a slot to the nodes that make it.
 #[inline(always)]
 fn put_turn(lines: &Lines, slot: u32, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
-    let s = &lines.slots[slot as usize];
-    let first = (slot as isize + s.first) as u32;
-    for (k, c) in s.tangent.iter().enumerate() {
-        if *c != 0.0 {
-            put(lines, first + k as u32, f * *c, add);
-        }
+    for (at, c) in lines.tangent_slots(slot) {
+        put(lines, at, f * c, add);
     }
 }
 
@@ -263,16 +259,13 @@ pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, tur
 
 /// Slots that carry the point at parameter `t` of a segment, each once, with their weights.
 pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> impl Iterator<Item = (u32, f64)> {
-    let slots = &lines.slots;
-    let w = weights(t, Range::new(|_| slots[segment as usize].free));
+    let w = weights(t, Range::new(|_| lines.slots[segment as usize].free));
     let h = now.tangent[segment as usize][3];
     let mut all = [(NONE, 0.0); 8];
     (all[0], all[1]) = ((segment, w.a), (segment + 1, w.b));
     for (side, (at, weight)) in [(segment, w.ta * h), (segment + 1, w.tb * h)].into_iter().enumerate() {
-        let s = &slots[at as usize];
-        let first = (at as isize + s.first) as u32;
-        for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
-            all[2 + 3 * side + k] = (first + k as u32, c * weight);
+        for (k, (slot, c)) in lines.tangent_slots(at).enumerate() {
+            all[2 + 3 * side + k] = (slot, c * weight);
         }
     }
     all.sort_unstable_by_key(|l| l.0);

@@ -88,6 +88,14 @@ struct Ends {
 }
 
 impl Lines {
+    /// Slots that make the tangent of a slot, with their coefficients.
+    #[inline(always)]
+    pub fn tangent_slots(&self, slot: u32) -> impl Iterator<Item = (u32, f64)> {
+        let s = &self.slots[slot as usize];
+        let first = (slot as isize + s.first) as u32;
+        (first..).zip(s.tangent).filter(|(_, c)| *c != 0.0)
+    }
+
     /// Filaments with contact of a model; `row` maps nodes to rows, `x` gives the initial positions by row.
     ///
     /// # Errors

@@ -178,10 +178,8 @@ impl<'a> Spread<'a> {
 
     /// Adds the weights of the tangent of a slot, `arm` away from the surface.
     pub fn turn(&mut self, slot: u32, arm: f64) {
-        let s = &self.lines.slots[slot as usize];
-        let first = slot as isize + s.first;
-        for (k, c) in s.tangent.iter().enumerate().filter(|(_, c)| **c != 0.0) {
-            let row = self.lines.slots[first as usize + k].row;
+        for (at, c) in self.lines.tangent_slots(slot) {
+            let row = self.lines.slots[at as usize].row;
             if row != NONE {
                 self.turns.push((row, c * arm));
             }

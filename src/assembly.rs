@@ -16,12 +16,42 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 
+/// Which ends meet at each node, in a fixed order.
+#[derive(Clone, Debug, Default)]
+pub struct Incidence<T> {
+    /// Rows of the nodes at which any do, in order.
+    pub nodes: Vec<u32>,
+    start: Vec<u32>,
+    ends: Vec<T>,
+}
+
+impl<T: Copy + Ord> Incidence<T> {
+    /// From ends with the rows of their nodes.
+    pub fn new(ends: impl Iterator<Item = (u32, T)>) -> Self {
+        let mut pairs: Vec<(u32, T)> = ends.collect();
+        pairs.sort_unstable();
+        let (mut nodes, mut start) = (Vec::new(), Vec::new());
+        for (i, p) in pairs.iter().enumerate() {
+            if nodes.last() != Some(&p.0) {
+                nodes.push(p.0);
+                start.push(i as u32);
+            }
+        }
+        start.push(pairs.len() as u32);
+        Incidence { nodes, start, ends: pairs.iter().map(|p| p.1).collect() }
+    }
+
+    /// Ends that meet at the node in place `k` of the list.
+    #[inline]
+    pub fn at(&self, k: usize) -> &[T] {
+        &self.ends[self.start[k] as usize..self.start[k + 1] as usize]
+    }
+}
+
 /// For every node with elements of kind `E`: which ends meet there (element x N + side).
 #[derive(Resource)]
 pub struct EndMap<E: Element<N>, const N: usize> {
-    nodes: Vec<u32>,
-    start: Vec<u32>,
-    ends: Vec<u32>,
+    meeting: Incidence<u32>,
     /// True if no element of the kind exerts a force any more.
     rests: bool,
     kind: PhantomData<fn() -> E>,
@@ -29,23 +59,14 @@ pub struct EndMap<E: Element<N>, const N: usize> {
 
 impl<E: Element<N>, const N: usize> EndMap<E, N> {
     fn new(rows: impl Iterator<Item = [u32; N]>) -> Self {
-        let mut pairs: Vec<(u32, u32)> = Vec::new();
-        for (e, r) in rows.enumerate() {
-            for (side, row) in r.into_iter().enumerate() {
-                pairs.push((row, (e * N + side) as u32));
-            }
-        }
-        pairs.sort_unstable();
-        let mut map =
-            EndMap { nodes: Vec::new(), start: vec![], ends: pairs.iter().map(|p| p.1).collect(), rests: false, kind: PhantomData };
-        for (i, p) in pairs.iter().enumerate() {
-            if map.nodes.last() != Some(&p.0) {
-                map.nodes.push(p.0);
-                map.start.push(i as u32);
-            }
-        }
-        map.start.push(pairs.len() as u32);
-        map
+        let ends = rows.enumerate().flat_map(|(e, r)| r.into_iter().enumerate().map(move |(side, row)| (row, (e * N + side) as u32)));
+        EndMap { meeting: Incidence::new(ends), rests: false, kind: PhantomData }
+    }
+
+    /// Forces of the ends that meet at the node in place `k` of the list.
+    #[inline]
+    fn at<'a>(&'a self, k: usize, ends: &'a [EndForces<E, N>]) -> impl Iterator<Item = &'a E::Force> {
+        self.meeting.at(k).iter().map(|end| &ends[*end as usize / N].0[*end as usize % N])
     }
 }
 
@@ -116,7 +137,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
     });
     if <E::Force as NodeForce>::ROTATIONS {
         cx.add_system(StepSet::ElementForces, rotational_forces::<E, N>);
-        cx.add_system(StepSet::Assembly, (gather_forces::<E, N>, gather_moments::<E, N>).chain());
+        cx.add_system(StepSet::Assembly, gather_wrenches::<E, N>);
     } else {
         cx.add_system(StepSet::ElementForces, translational_forces::<E, N>);
         cx.add_system(StepSet::Assembly, gather_forces::<E, N>);
@@ -126,38 +147,88 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
 /// Elements per parallel chunk: at 20 to 100 ns an element a chunk is worth a hand-over.
 const CHUNK: usize = 512;
 
+/// Columns of nodes without rotations.
+#[derive(Clone, Copy)]
+struct Points<'a> {
+    x: &'a [Position],
+    v: &'a [Velocity],
+}
+
+impl NodeColumns for Points<'_> {
+    #[inline(always)]
+    fn x(self, row: u32) -> DVec3 {
+        self.x[row as usize].0
+    }
+    #[inline(always)]
+    fn v(self, row: u32) -> DVec3 {
+        self.v[row as usize].0
+    }
+    #[inline(always)]
+    fn q(self, _: u32) -> DQuat {
+        DQuat::IDENTITY
+    }
+    #[inline(always)]
+    fn w(self, _: u32) -> DVec3 {
+        DVec3::ZERO
+    }
+}
+
+/// Columns of nodes with rotations.
+#[derive(Clone, Copy)]
+struct Sections<'a> {
+    points: Points<'a>,
+    q: &'a [Orientation],
+    w: &'a [AngularVelocity],
+}
+
+impl NodeColumns for Sections<'_> {
+    #[inline(always)]
+    fn x(self, row: u32) -> DVec3 {
+        self.points.x(row)
+    }
+    #[inline(always)]
+    fn v(self, row: u32) -> DVec3 {
+        self.points.v(row)
+    }
+    #[inline(always)]
+    fn q(self, row: u32) -> DQuat {
+        self.q[row as usize].0
+    }
+    #[inline(always)]
+    fn w(self, row: u32) -> DVec3 {
+        self.w[row as usize].0
+    }
+}
+
 fn translational_forces<E: Element<N>, const N: usize>(
     map: Res<EndMap<E, N>>,
     mut nodes: Query<(&Position, &Velocity)>,
-    mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
+    elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
 ) {
-    if map.rests {
-        return;
-    }
     let (x, v) = columns(&mut nodes);
-    let (mut e, c, mut out) = columns(&mut elements);
-    let state = |r: u32| NodeState { x: x[r as usize].0, v: v[r as usize].0, q: DQuat::IDENTITY, w: DVec3::ZERO };
-    parallel::chunks3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
-        E::internal_forces(e, c, state, out);
-    });
+    internal_forces(&map, Points { x, v }, elements);
 }
 
 fn rotational_forces<E: Element<N>, const N: usize>(
     map: Res<EndMap<E, N>>,
     mut nodes: Query<(&Position, &Velocity, &Orientation, &AngularVelocity)>,
+    elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
+) {
+    let (x, v, q, w) = columns(&mut nodes);
+    internal_forces(&map, Sections { points: Points { x, v }, q, w }, elements);
+}
+
+fn internal_forces<E: Element<N>, const N: usize>(
+    map: &EndMap<E, N>,
+    nodes: impl NodeColumns,
     mut elements: Query<(&mut E, &Connectivity<N>, &mut EndForces<E, N>)>,
 ) {
     if map.rests {
         return;
     }
-    let (x, v, q, w) = columns(&mut nodes);
     let (mut e, c, mut out) = columns(&mut elements);
-    let state = |r: u32| {
-        let r = r as usize;
-        NodeState { x: x[r].0, v: v[r].0, q: q[r].0, w: w[r].0 }
-    };
     parallel::chunks3_mut(e.bypass_change_detection(), c, out.bypass_change_detection(), CHUNK, |e, c, out| {
-        E::internal_forces(e, c, state, out);
+        E::internal_forces(e, c, nodes, out);
     });
 }
 
@@ -167,30 +238,30 @@ fn gather_forces<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends
     }
     let ends = columns(&mut ends);
     let mut force = columns(&mut nodes);
-    let force = force.bypass_change_detection();
-    for (k, &row) in map.nodes.iter().enumerate() {
-        let mut sum = DVec3::ZERO;
-        for &end in &map.ends[map.start[k] as usize..map.start[k + 1] as usize] {
-            sum += ends[end as usize / N].0[end as usize % N].force();
-        }
-        force[row as usize].0 -= sum;
-    }
+    parallel::picked1(force.bypass_change_detection(), &map.meeting.nodes, CHUNK, |k, _, f| {
+        f.0 -= map.at(k, ends).map(|e| e.force()).sum::<DVec3>()
+    });
 }
 
-fn gather_moments<E: Element<N>, const N: usize>(map: Res<EndMap<E, N>>, mut ends: Query<&EndForces<E, N>>, mut nodes: Query<&mut Moment>) {
+fn gather_wrenches<E: Element<N>, const N: usize>(
+    map: Res<EndMap<E, N>>,
+    mut ends: Query<&EndForces<E, N>>,
+    mut nodes: Query<(&mut Force, &mut Moment)>,
+) {
     if map.rests {
         return;
     }
     let ends = columns(&mut ends);
-    let mut moment = columns(&mut nodes);
-    let moment = moment.bypass_change_detection();
-    for (k, &row) in map.nodes.iter().enumerate() {
-        let mut sum = DVec3::ZERO;
-        for &end in &map.ends[map.start[k] as usize..map.start[k + 1] as usize] {
-            sum += ends[end as usize / N].0[end as usize % N].moment();
+    let (mut force, mut moment) = columns(&mut nodes);
+    parallel::picked2(force.bypass_change_detection(), moment.bypass_change_detection(), &map.meeting.nodes, CHUNK, |k, _, f, m| {
+        let (mut force, mut moment) = (DVec3::ZERO, DVec3::ZERO);
+        for e in map.at(k, ends) {
+            force += e.force();
+            moment += e.moment();
         }
-        moment[row as usize].0 -= sum;
-    }
+        f.0 -= force;
+        m.0 -= moment;
+    });
 }
 
 /// Calls `f` with every element of a kind, its rows and the states of its nodes.

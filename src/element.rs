@@ -30,6 +30,42 @@ impl NodeState {
     }
 }
 
+/// Where kernels read the nodes, by row: only what they ask for is loaded.
+pub trait NodeColumns: Copy + Sync {
+    /// Position (length).
+    fn x(self, row: u32) -> DVec3;
+    /// Velocity at the last half step (length / time).
+    fn v(self, row: u32) -> DVec3;
+    /// Rotation from the initial configuration.
+    fn q(self, row: u32) -> DQuat;
+    /// Spatial angular velocity (1 / time).
+    fn w(self, row: u32) -> DVec3;
+    /// All of it.
+    #[inline(always)]
+    fn state(self, row: u32) -> NodeState {
+        NodeState { x: self.x(row), v: self.v(row), q: self.q(row), w: self.w(row) }
+    }
+}
+
+impl NodeColumns for &[NodeState] {
+    #[inline(always)]
+    fn x(self, row: u32) -> DVec3 {
+        self[row as usize].x
+    }
+    #[inline(always)]
+    fn v(self, row: u32) -> DVec3 {
+        self[row as usize].v
+    }
+    #[inline(always)]
+    fn q(self, row: u32) -> DQuat {
+        self[row as usize].q
+    }
+    #[inline(always)]
+    fn w(self, row: u32) -> DVec3 {
+        self[row as usize].w
+    }
+}
+
 /// Force and moment on one end of an element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
@@ -144,16 +180,11 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
     fn internal_force(&mut self, nodes: [NodeState; N]) -> [Self::Force; N];
 
     /// Internal forces of many elements, by default one after the other. Kinds whose kernel is worth it take
-    /// several at once ([`Lane`]); `state` gives the state of a row.
+    /// several at once ([`LaneElement`]).
     #[inline]
-    fn internal_forces(
-        elements: &mut [Self],
-        rows: &[Connectivity<N>],
-        state: impl Fn(u32) -> NodeState + Copy,
-        out: &mut [EndForces<Self, N>],
-    ) {
+    fn internal_forces(elements: &mut [Self], rows: &[Connectivity<N>], nodes: impl NodeColumns, out: &mut [EndForces<Self, N>]) {
         for ((element, rows), out) in elements.iter_mut().zip(rows).zip(out) {
-            out.0 = element.internal_force(rows.0.map(state));
+            out.0 = element.internal_force(rows.0.map(|row| nodes.state(row)));
         }
     }
 
@@ -194,16 +225,22 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
 
 /// A kind of element with a kernel for several at once.
 pub trait LaneElement<const N: usize>: Element<N> {
-    /// Internal forces of `L::WIDTH` elements; `state` gives the state of an end of one of them.
-    fn at_once<L: Lane>(elements: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, N>]);
+    /// Internal forces of `L::WIDTH` elements with these nodes.
+    fn at_once<L: Lane>(elements: &[Self], rows: &[Connectivity<N>], nodes: impl NodeColumns, out: &mut [EndForces<Self, N>]);
 }
 
 /// [`Element::internal_force`] of a kind with such a kernel.
 #[inline(always)]
 pub fn alone<E: LaneElement<N>, const N: usize>(element: &E, nodes: [NodeState; N]) -> [E::Force; N] {
     let mut out = [EndForces::default()];
-    E::at_once::<f64>(std::slice::from_ref(element), |_, end| nodes[end], &mut out);
+    E::at_once::<f64>(std::slice::from_ref(element), &[in_order()], &nodes[..], &mut out);
     out[0].0
+}
+
+/// Rows 0, 1, ...: of an element whose nodes are given one after the other.
+#[inline(always)]
+pub fn in_order<const N: usize>() -> Connectivity<N> {
+    Connectivity(std::array::from_fn(|k| k as u32))
 }
 
 /// [`Element::internal_forces`] of a kind with such a kernel: four at a time, and the rest alone.
@@ -211,16 +248,15 @@ pub fn alone<E: LaneElement<N>, const N: usize>(element: &E, nodes: [NodeState; 
 pub fn in_lanes<E: LaneElement<N>, const N: usize>(
     elements: &[E],
     rows: &[Connectivity<N>],
-    state: impl Fn(u32) -> NodeState + Copy,
+    nodes: impl NodeColumns,
     out: &mut [EndForces<E, N>],
 ) {
     for group in lane::groups(elements.len()) {
         let (some, rows, wide) = (&elements[group.clone()], &rows[group.clone()], group.len() == f64x4::WIDTH);
-        let of = |lane: usize, end: usize| state(rows[lane].0[end]);
         if wide {
-            E::at_once::<f64x4>(some, of, &mut out[group]);
+            E::at_once::<f64x4>(some, rows, nodes, &mut out[group]);
         } else {
-            E::at_once::<f64>(some, of, &mut out[group]);
+            E::at_once::<f64>(some, rows, nodes, &mut out[group]);
         }
     }
 }

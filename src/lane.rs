@@ -17,6 +17,8 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
     /// The four columns of one row of four numbers per lane.
     fn rows(f: impl FnMut(usize) -> [f64; 4]) -> [Self; 4];
+    /// The reverse of [`Lane::rows`]: hands out the row of four numbers of each lane.
+    fn each_row(columns: [Self; 4], f: impl FnMut(usize, [f64; 4]));
     /// The value of one lane.
     fn lane(self, index: usize) -> f64;
     /// Square root.
@@ -66,6 +68,10 @@ impl Lane for f64 {
         f(0)
     }
     #[inline(always)]
+    fn each_row(columns: [f64; 4], mut f: impl FnMut(usize, [f64; 4])) {
+        f(0, columns);
+    }
+    #[inline(always)]
     fn lane(self, _index: usize) -> f64 {
         self
     }
@@ -101,6 +107,10 @@ impl Lane for f64x4 {
     #[inline(always)]
     fn rows(mut f: impl FnMut(usize) -> [f64; 4]) -> [f64x4; 4] {
         f64x4::transpose(std::array::from_fn(|lane| f64x4::new(f(lane))))
+    }
+    #[inline(always)]
+    fn each_row(columns: [f64x4; 4], mut f: impl FnMut(usize, [f64; 4])) {
+        f64x4::transpose(columns).into_iter().enumerate().for_each(|(lane, row)| f(lane, row.to_array()));
     }
     #[inline(always)]
     fn lane(self, index: usize) -> f64 {
@@ -167,6 +177,20 @@ impl<L: Lane> V3<L> {
     #[inline(always)]
     pub fn pick(mask: L::Mask, yes: Self, no: Self) -> Self {
         V3::new(L::pick(mask, yes.x, no.x), L::pick(mask, yes.y, no.y), L::pick(mask, yes.z, no.z))
+    }
+    /// A vector of each lane.
+    #[inline(always)]
+    pub fn gather(mut of: impl FnMut(usize) -> glam::DVec3) -> Self {
+        let [x, y, z, _] = L::rows(|lane| {
+            let v = of(lane);
+            [v.x, v.y, v.z, 0.0]
+        });
+        V3::new(x, y, z)
+    }
+    /// Hands out the vector of each lane.
+    #[inline(always)]
+    pub fn each(self, mut f: impl FnMut(usize, glam::DVec3)) {
+        L::each_row([self.x, self.y, self.z, L::splat(0.0)], |lane, [x, y, z, _]| f(lane, glam::DVec3::new(x, y, z)));
     }
     /// One lane as a plain vector.
     #[inline(always)]

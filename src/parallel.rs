@@ -2,9 +2,40 @@
 //!
 //! Each call of the closure writes only its own row, so the result does not depend on the number
 //! of threads. A loop is split only if every thread gets at least one chunk: a parallel region pays from
-//! about 30 us of work.
+//! about 30 us of work, if its threads are asleep, and from a few when they are kept [`awake`].
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Runs `work` with the other threads of the pool watching for jobs all the time instead of falling asleep between
+/// two parallel regions: to wake a thread takes longer than most loops of a step.
+///
+/// Does nothing for models with fewer than `WORTH` rows, in which no loop is split, and outside of a pool.
+pub fn awake<R>(rows: usize, work: impl FnOnce() -> R) -> R {
+    let Some(here) = rayon::current_thread_index().filter(|_| rows >= WORTH && rayon::current_num_threads() > 1) else { return work() };
+    /// Lets the others go, also when `work` panics.
+    struct Over<'a>(&'a AtomicBool);
+    impl Drop for Over<'_> {
+        fn drop(&mut self) {
+            self.0.store(true, Ordering::Release);
+        }
+    }
+    let over = AtomicBool::new(false);
+    rayon::in_place_scope(|scope| {
+        scope.spawn_broadcast(|_, context| {
+            while context.index() != here && !over.load(Ordering::Acquire) {
+                if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                    std::thread::yield_now();
+                }
+            }
+        });
+        let _over = Over(&over);
+        work()
+    })
+}
+
+/// Rows from which loops are split.
+const WORTH: usize = 1000;
 
 fn serial(rows: usize, chunk: usize) -> bool {
     rows < 2 * chunk || rayon::current_num_threads() == 1
@@ -49,18 +80,33 @@ pub fn chunks3_mut<A: Send, B: Sync, C: Send>(
     }
 }
 
-/// Those of the picked rows (in order) that lie in a range.
-fn picked_in(picked: &[u32], rows: Range<usize>) -> &[u32] {
-    &picked[picked.partition_point(|i| (*i as usize) < rows.start)..picked.partition_point(|i| (*i as usize) < rows.end)]
+/// Places in the list of those picked rows (in order) that lie in a range.
+fn picked_in(picked: &[u32], rows: Range<usize>) -> Range<usize> {
+    picked.partition_point(|i| (*i as usize) < rows.start)..picked.partition_point(|i| (*i as usize) < rows.end)
 }
 
-/// Runs `f` on the number of every picked row (in order) and the row of two columns that are written.
-pub fn picked2<A: Send, B: Send>(a: &mut [A], b: &mut [B], picked: &[u32], chunk: usize, f: impl Fn(usize, &mut A, &mut B) + Sync) {
+/// Runs `f` on the place and the number of every picked row (in order) and the row of a column that is written.
+pub fn picked1<A: Send>(a: &mut [A], picked: &[u32], chunk: usize, f: impl Fn(usize, usize, &mut A) + Sync) {
+    let run = |first: usize, a: &mut [A]| {
+        for place in picked_in(picked, first..first + a.len()) {
+            let i = picked[place] as usize;
+            f(place, i, &mut a[i - first]);
+        }
+    };
+    if serial(picked.len(), chunk) {
+        run(0, a);
+    } else {
+        a.par_chunks_mut(chunk).enumerate().for_each(|(k, a)| run(k * chunk, a));
+    }
+}
+
+/// As [`picked1`], with two columns that are written.
+pub fn picked2<A: Send, B: Send>(a: &mut [A], b: &mut [B], picked: &[u32], chunk: usize, f: impl Fn(usize, usize, &mut A, &mut B) + Sync) {
     assert_eq!(a.len(), b.len(), "columns of one table have one length");
     let run = |first: usize, a: &mut [A], b: &mut [B]| {
-        for &i in picked_in(picked, first..first + a.len()) {
-            let k = i as usize - first;
-            f(i as usize, &mut a[k], &mut b[k]);
+        for place in picked_in(picked, first..first + a.len()) {
+            let i = picked[place] as usize;
+            f(place, i, &mut a[i - first], &mut b[i - first]);
         }
     };
     if serial(picked.len(), chunk) {
@@ -70,20 +116,20 @@ pub fn picked2<A: Send, B: Send>(a: &mut [A], b: &mut [B], picked: &[u32], chunk
     }
 }
 
-/// Runs `f` on the number of every picked row (in order) and the row of three columns that are written.
+/// As [`picked1`], with three columns that are written.
 pub fn picked3<A: Send, B: Send, C: Send>(
     a: &mut [A],
     b: &mut [B],
     c: &mut [C],
     picked: &[u32],
     chunk: usize,
-    f: impl Fn(usize, &mut A, &mut B, &mut C) + Sync,
+    f: impl Fn(usize, usize, &mut A, &mut B, &mut C) + Sync,
 ) {
     assert!(a.len() == b.len() && b.len() == c.len(), "columns of one table have one length");
     let run = |first: usize, a: &mut [A], b: &mut [B], c: &mut [C]| {
-        for &i in picked_in(picked, first..first + a.len()) {
-            let k = i as usize - first;
-            f(i as usize, &mut a[k], &mut b[k], &mut c[k]);
+        for place in picked_in(picked, first..first + a.len()) {
+            let i = picked[place] as usize;
+            f(place, i, &mut a[i - first], &mut b[i - first], &mut c[i - first]);
         }
     };
     if serial(picked.len(), chunk) {
@@ -92,6 +138,11 @@ pub fn picked3<A: Send, B: Send, C: Send>(
         let parts = a.par_chunks_mut(chunk).zip(b.par_chunks_mut(chunk)).zip(c.par_chunks_mut(chunk));
         parts.enumerate().for_each(|(k, ((a, b), c))| run(k * chunk, a, b, c));
     }
+}
+
+/// The sum of what `f` makes of each chunk of `rows` rows, added in one order whatever the number of threads.
+pub fn sum(rows: usize, chunk: usize, f: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
+    chunks(rows, chunk, f).into_iter().sum()
 }
 
 /// What `f` makes of each chunk of `rows` rows, in order.

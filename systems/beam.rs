@@ -149,17 +149,12 @@ impl Element<2> for Beam {
     }
 
     #[inline]
-    fn internal_forces(
-        elements: &mut [Self],
-        rows: &[Connectivity<2>],
-        state: impl Fn(u32) -> NodeState + Copy,
-        out: &mut [EndForces<Self, 2>],
-    ) {
-        in_lanes(elements, rows, state, out);
+    fn internal_forces(elements: &mut [Self], rows: &[Connectivity<2>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 2>]) {
+        in_lanes(elements, rows, nodes, out);
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
-        let k = Kinematics::<f64>::of(|_, end| nodes[end]);
+        let k = Kinematics::<f64>::of(&[in_order()], &nodes[..]);
         let section = Stiffness::<f64>::of(std::slice::from_ref(self));
         let (p, d, strain) = (k.phi - section.phi0, k.c - section.c0, k.l / self.rest_length - 1.0);
         let [bending, chord] = [section.bending.times(p), section.chord.times(d)];
@@ -201,7 +196,7 @@ impl Element<2> for Beam {
     }
 
     fn section_force(&self, nodes: [NodeState; 2]) -> SectionForce {
-        let k = Kinematics::<f64>::of(|_, end| nodes[end]);
+        let k = Kinematics::<f64>::of(&[in_order()], &nodes[..]);
         let section = Stiffness::<f64>::of(std::slice::from_ref(self));
         let moment = section.bending.times(k.phi - section.phi0).lane(0);
         let shear = section.chord.times(k.c - section.c0).lane(0) / k.l;
@@ -221,9 +216,9 @@ impl Element<2> for Beam {
 
 impl LaneElement<2> for Beam {
     #[inline(always)]
-    fn at_once<L: Lane>(beams: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, 2>]) {
+    fn at_once<L: Lane>(beams: &[Self], rows: &[Connectivity<2>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 2>]) {
         let (zero, half) = (L::splat(0.0), L::splat(0.5));
-        let k = Kinematics::<L>::of(state);
+        let k = Kinematics::<L>::of(rows, nodes);
         let section = Stiffness::<L>::of(beams);
         let moment = section.bending.times(k.phi - section.phi0);
         let g = section.chord.times(k.c - section.c0);
@@ -239,10 +234,9 @@ impl LaneElement<2> for Beam {
         let (m1, m2) = (k.global(mean - relative), k.global(mean + relative));
         let shear = k.global(g);
         let f = k.e * n + (shear - k.e * k.e.dot(shear)) * (L::splat(1.0) / k.l);
-        for (lane, out) in out.iter_mut().enumerate() {
-            let f = f.lane(lane);
-            out.0 = [Wrench { force: -f, moment: m1.lane(lane) }, Wrench { force: f, moment: m2.lane(lane) }];
-        }
+        f.each(|l, f| (out[l].0[0].force, out[l].0[1].force) = (-f, f));
+        m1.each(|l, m| out[l].0[0].moment = m);
+        m2.each(|l, m| out[l].0[1].moment = m);
     }
 }
 
@@ -334,19 +328,12 @@ struct Kinematics<L> {
 }
 
 impl<L: Lane> Kinematics<L> {
-    /// Of `L::WIDTH` beams; `state` gives the state of an end of a beam.
+    /// Of `L::WIDTH` beams.
     #[inline(always)]
-    fn of(state: impl Fn(usize, usize) -> NodeState) -> Self {
+    fn of(rows: &[Connectivity<2>], nodes: impl NodeColumns) -> Self {
         let (one, two) = (L::splat(1.0), L::splat(2.0));
-        let place = |end: usize| {
-            L::rows(|lane| {
-                let x = state(lane, end).x;
-                [x.x, x.y, x.z, 0.0]
-            })
-        };
-        let turn = |end: usize| L::rows(|lane| state(lane, end).q.to_array());
-        let (x, q) = ([place(0), place(1)], [turn(0), turn(1)]);
-        let d = V3::new(x[1][0] - x[0][0], x[1][1] - x[0][1], x[1][2] - x[0][2]);
+        let d = V3::<L>::gather(|l| nodes.x(rows[l].0[1]) - nodes.x(rows[l].0[0]));
+        let q = [0, 1].map(|end| L::rows(|l| nodes.q(rows[l].0[end]).to_array()));
         let l = d.dot(d).sqrt();
         let e = d * (one / l);
         let [x1, y1, z1, w1] = q[0];

@@ -99,11 +99,8 @@ fn advance_orientations(clock: Res<Clock>, mut nodes: Query<(&mut Orientation, &
 /// velocity on the step, so the rectangle rule over the half-step velocities is second order.
 fn dissipate(clock: Res<Clock>, damping: Res<MassDamping>, mut ledger: ResMut<EnergyLedger>, mut nodes: Query<(&Velocity, &Mass)>) {
     let (v, m) = columns(&mut nodes);
-    let mut sum = 0.0;
-    for (v, m) in v.iter().zip(m) {
-        sum += m.0 * v.0.length_squared();
-    }
-    ledger.damping += damping.0 * clock.dt * sum;
+    let part = |rows: std::ops::Range<usize>| v[rows.clone()].iter().zip(&m[rows]).map(|(v, m)| m.0 * v.0.length_squared()).sum();
+    ledger.damping += damping.0 * clock.dt * parallel::sum(v.len(), CHUNK, part);
 }
 
 fn dissipate_rotations(
@@ -113,11 +110,8 @@ fn dissipate_rotations(
     mut nodes: Query<(&AngularVelocity, &RotaryInertia)>,
 ) {
     let (w, j) = columns(&mut nodes);
-    let mut sum = 0.0;
-    for (w, j) in w.iter().zip(j) {
-        sum += j.0 * w.0.length_squared();
-    }
-    ledger.damping += damping.0 * clock.dt * sum;
+    let part = |rows: std::ops::Range<usize>| w[rows.clone()].iter().zip(&j[rows]).map(|(w, j)| j.0 * w.0.length_squared()).sum();
+    ledger.damping += damping.0 * clock.dt * parallel::sum(w.len(), CHUNK, part);
 }
 
 fn kick_velocities(clock: Res<Clock>, damping: Res<MassDamping>, mut nodes: Query<(&mut Velocity, &Force, &InverseMass)>) {

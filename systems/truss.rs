@@ -105,13 +105,8 @@ impl Element<2> for Truss {
     }
 
     #[inline]
-    fn internal_forces(
-        elements: &mut [Self],
-        rows: &[Connectivity<2>],
-        state: impl Fn(u32) -> NodeState + Copy,
-        out: &mut [EndForces<Self, 2>],
-    ) {
-        in_lanes(elements, rows, state, out);
+    fn internal_forces(elements: &mut [Self], rows: &[Connectivity<2>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 2>]) {
+        in_lanes(elements, rows, nodes, out);
     }
 
     fn strain_energy(&self, nodes: [NodeState; 2]) -> f64 {
@@ -152,24 +147,14 @@ impl Element<2> for Truss {
 
 impl LaneElement<2> for Truss {
     #[inline(always)]
-    fn at_once<L: Lane>(bars: &[Self], state: impl Fn(usize, usize) -> NodeState, out: &mut [EndForces<Self, 2>]) {
-        let [dx, dy, dz, _] = L::rows(|l| {
-            let d = state(l, 1).x - state(l, 0).x;
-            [d.x, d.y, d.z, 0.0]
-        });
-        let [vx, vy, vz, _] = L::rows(|l| {
-            let v = state(l, 1).v - state(l, 0).v;
-            [v.x, v.y, v.z, 0.0]
-        });
+    fn at_once<L: Lane>(bars: &[Self], rows: &[Connectivity<2>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 2>]) {
+        let d = V3::<L>::gather(|l| nodes.x(rows[l].0[1]) - nodes.x(rows[l].0[0]));
+        let v = V3::<L>::gather(|l| nodes.v(rows[l].0[1]) - nodes.v(rows[l].0[0]));
         let [ea, rest_length, viscosity, _] = L::rows(|l| [bars[l].ea, bars[l].rest_length, bars[l].viscosity, 0.0]);
-        let (d, v) = (V3::new(dx, dy, dz), V3::new(vx, vy, vz));
         let length = d.dot(d).sqrt();
         let e = d * (L::splat(1.0) / length);
         let n = ea * (length / rest_length - L::splat(1.0)) + viscosity * e.dot(v);
         let pull = e * n;
-        for (l, out) in out.iter_mut().enumerate() {
-            let pull = pull.lane(l);
-            out.0 = [-pull, pull];
-        }
+        pull.each(|l, pull| out[l].0 = [-pull, pull]);
     }
 }

@@ -7,9 +7,10 @@ use super::message::{Failure, out};
 use super::run::elements;
 use crate::ledger::ContactSummary;
 use crate::output::timing;
+use crate::parallel;
 use crate::run;
 use crate::scene;
-use crate::simulation::{Plugin, Simulation, SimulationError};
+use crate::simulation::{NodeRows, Plugin, Simulation, SimulationError};
 use crate::step::StepSet;
 use clap::Args;
 use serde::Serialize;
@@ -142,5 +143,6 @@ fn measure(args: &BenchArgs, plugins: impl Plugin) -> Result<Report, Failure> {
 }
 
 fn steps(sim: &mut Simulation, count: u64) -> Result<(), SimulationError> {
-    (0..count).try_for_each(|_| run::step(sim))
+    let rows = sim.world.resource::<NodeRows>().len();
+    parallel::awake(rows, || (0..count).try_for_each(|_| run::step(sim)))
 }

@@ -31,7 +31,7 @@ use crate::systems::integration::MassDamping;
 use braid_ecs::prelude::*;
 use chains::{Chain, chains};
 use rayon::prelude::*;
-use solve::{Pack, Step};
+use solve::{LANES, Pack, Step};
 
 /// Registers the implicit axial scheme.
 pub fn plugin(sim: &mut Simulation) {
@@ -41,9 +41,10 @@ pub fn plugin(sim: &mut Simulation) {
 /// All chains of the model.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct AxialChains {
-    /// Chains of equal length, four at a time, and what is left over.
-    fours: Vec<Pack<f64x4>>,
-    ones: Vec<Pack<f64>>,
+    /// Chains of equal length, four at a time.
+    packs: Vec<Pack>,
+    /// Ends of bars by the row that carries them: pack, and end in the pack.
+    joints: Incidence<(u32, u32)>,
     /// Work that the motion has done on the bars, and the last kick's part of it (force x length).
     work: f64,
     last: f64,
@@ -63,16 +64,12 @@ const LONGEST: f64 = 20.0;
 impl AxialChains {
     /// Number of bars in chains, and of springs that stay explicit.
     pub fn counts(&self) -> (usize, usize) {
-        (self.fours.iter().map(Pack::count).chain(self.ones.iter().map(Pack::count)).sum(), self.explicit)
+        (self.packs.iter().map(Pack::count).sum(), self.explicit)
     }
     /// Counts what later changes of the velocities, by row, add to the work of the motion on the bars in a kick.
     pub fn follow(&mut self, change: &[DVec3], kick: f64) {
-        let mut sum = 0.0;
-        let mut count = |_: f64, pull: DVec3, carriers: [u32; 2], _: [&[usize]; 2]| {
-            sum += pull.dot(change[carriers[1] as usize] - change[carriers[0] as usize]);
-        };
-        self.fours.iter().for_each(|p| p.tensions(&mut count));
-        self.ones.iter().for_each(|p| p.tensions(&mut count));
+        let AxialChains { packs, joints, .. } = self;
+        let sum = -(0..joints.nodes.len()).map(|k| pulled(packs, joints.at(k)).dot(change[joints.nodes[k] as usize])).sum::<f64>();
         self.last += 0.5 * kick * sum;
         self.work += 0.5 * kick * sum;
     }
@@ -124,18 +121,20 @@ fn install(cx: &mut Install<'_>) {
     if built.chains.is_empty() {
         return;
     }
-    let (fours, ones) = packs(built.chains, cx.world.get_resource::<Constraints>());
-    let bars = || fours.iter().flat_map(Pack::bars).chain(ones.iter().flat_map(Pack::bars));
+    let packs = packs(built.chains, cx.world.get_resource::<Constraints>());
+    let bars = || packs.iter().flat_map(Pack::bars);
     let entities: Vec<_> = bars().map(|b| (b, Tension(0.0))).collect();
     cx.world.spawn_batch(entities);
     let stored = strain_energy(cx.world);
     let members = cx.world.get_resource::<Constraints>().map_or(0, |c| c.border_len());
     let light: Vec<f64> = cx.world.query::<&InverseMass>().iter(cx.world).map(|w| w.0.max_element()).collect();
-    let fastest = fours.iter().map(|p| p.frequency2(&light)).chain(ones.iter().map(|p| p.frequency2(&light))).fold(0.0, f64::max);
+    let fastest = packs.iter().map(|p| p.frequency2(&light)).fold(0.0, f64::max);
     let longest_step = if fastest > 0.0 { LONGEST * 2.0 / fastest.sqrt() } else { f64::INFINITY };
+    let ends = packs.iter().enumerate().flat_map(|(k, p)| p.carriers().map(move |(row, end)| (row, (k as u32, end))));
+    let joints = Incidence::new(ends);
     cx.world.insert_resource(AxialChains {
-        fours,
-        ones,
+        packs,
+        joints,
         work: stored,
         last: 0.0,
         explicit,
@@ -160,23 +159,21 @@ fn install(cx: &mut Install<'_>) {
     cx.add_system(StepSet::Dynamics, solve_tensions);
 }
 
-/// Chains of the same length side by side, as far as they go in fours.
-fn packs(chains: Vec<Chain>, constraints: Option<&Constraints>) -> (Vec<Pack<f64x4>>, Vec<Pack<f64>>) {
+/// Chains of the same length side by side.
+fn packs(chains: Vec<Chain>, constraints: Option<&Constraints>) -> Vec<Pack> {
     let mut order = chains;
     order.sort_by_key(|c| (c.closed, c.bars.len()));
-    let (mut fours, mut ones) = (Vec::new(), Vec::new());
-    for alike in order.chunk_by(|a, b| a.closed == b.closed && a.bars.len() == b.bars.len()) {
-        for group in lane::groups(alike.len()) {
-            let group = &alike[group];
-            if group.len() == f64x4::WIDTH {
-                fours.push(Pack::new(group, constraints));
-            } else {
-                ones.push(Pack::new(group, constraints));
-            }
-        }
-    }
-    (fours, ones)
+    let alike = order.chunk_by(|a, b| a.closed == b.closed && a.bars.len() == b.bars.len());
+    alike.flat_map(|alike| alike.chunks(LANES)).map(|group| Pack::new(group, constraints)).collect()
 }
+
+/// Sum of the pulls on ends of bars.
+fn pulled(packs: &[Pack], ends: &[(u32, u32)]) -> DVec3 {
+    ends.iter().map(|(pack, end)| packs[*pack as usize].pull(*end)).sum()
+}
+
+/// Nodes per parallel chunk.
+const CHUNK: usize = 1024;
 
 type BarQuery = (&'static AxialBar, &'static mut Tension);
 type NodeQuery = (&'static Position, &'static mut Velocity, &'static mut Force, &'static InverseMass);
@@ -194,7 +191,7 @@ fn solve_tensions(
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
     let (keep, kick) = damping.kick(clock.kick());
     let step = Step { dt: clock.dt_next, kick, whole_kick: clock.kick(), keep };
-    let AxialChains { fours, ones, border, work, last, jumps, .. } = &mut *axial;
+    let AxialChains { packs, joints, border, work, last, jumps, .. } = &mut *axial;
     let constraints = &mut *constraints;
     if !prescribed.is_empty() {
         jumps.clear();
@@ -206,27 +203,25 @@ fn solve_tensions(
     let jumps = &*jumps;
 
     let columns_of_nodes = (x, &*v, &*f, w);
-    each(fours, |p| p.solve(step, columns_of_nodes, jumps));
-    each(ones, |p| p.solve(step, columns_of_nodes, jumps));
+    each(packs, |p| p.solve(step, columns_of_nodes, jumps));
     if !border.is_empty() {
-        border_velocity(step, fours, ones, constraints, border);
+        border_velocity(step, packs, constraints, border);
     }
-    each(fours, |p| p.finish(step, border));
-    each(ones, |p| p.finish(step, border));
-    *last = fours.iter().map(|p| p.done).chain(ones.iter().map(|p| p.done)).sum();
+    each(packs, |p| p.finish(step, border));
+    *last = packs.iter().map(|p| p.done).sum();
     let mut tension = columns(&mut bars).1;
-    let mut out = tension.bypass_change_detection().iter_mut();
-    let mut pull = |tension: f64, pull: DVec3, carriers: [u32; 2], dummies: [&[usize]; 2]| {
-        out.next().expect("one entity per bar").0 = tension;
-        let [i, j] = carriers.map(|c| c as usize);
-        f[i].0 += pull;
-        v[i].0 += w[i].0 * pull * step.kick;
-        f[j].0 -= pull;
-        v[j].0 -= w[j].0 * pull * step.kick;
+    for (out, tension) in tension.bypass_change_detection().iter_mut().zip(packs.iter().flat_map(Pack::tensions)) {
+        out.0 = tension;
+    }
+    let packs = &*packs;
+    parallel::picked2(f, v, &joints.nodes, CHUNK, |k, row, f, v| {
+        let pull = pulled(packs, joints.at(k));
+        f.0 += pull;
+        v.0 += w[row].0 * pull * step.kick;
+    });
+    for (pull, dummies) in packs.iter().flat_map(Pack::hanging) {
         pull_dummies(dummies, pull, constraints, f);
-    };
-    fours.iter().for_each(|p| p.tensions(&mut pull));
-    ones.iter().for_each(|p| p.tensions(&mut pull));
+    }
     *work += *last;
     // The border moves, and with it what hangs on it; the forces stay effective (force x inverse mass).
     for (j, beta) in border.iter().enumerate() {
@@ -243,7 +238,7 @@ fn solve_tensions(
 }
 
 /// Runs `f` on every pack, in parallel where it pays.
-fn each<L: Lane + Send>(packs: &mut [Pack<L>], f: impl Fn(&mut Pack<L>) + Send + Sync) {
+fn each(packs: &mut [Pack], f: impl Fn(&mut Pack) + Send + Sync) {
     if packs.len() > 1 && rayon::current_num_threads() > 1 && packs.iter().map(Pack::count).sum::<usize>() > 1000 {
         packs.par_iter_mut().for_each(f);
     } else {
@@ -251,26 +246,23 @@ fn each<L: Lane + Send>(packs: &mut [Pack<L>], f: impl Fn(&mut Pack<L>) + Send +
     }
 }
 
-/// Raw tension on the dummy nodes behind the ends of a bar: to their residual, or to the reaction where they are held.
-fn pull_dummies(dummies: [&[usize]; 2], pull: DVec3, constraints: &mut Constraints, f: &mut [Force]) {
-    for (rows, pull) in [(dummies[0], pull), (dummies[1], -pull)] {
-        for row in rows {
-            for axis in 0..3 {
-                match constraints.border_member(*row, axis) {
-                    Some(j) => constraints.border_residual[j] += pull[axis],
-                    None => f[*row].0[axis] += pull[axis],
-                }
+/// Raw tension on the dummy nodes behind the end of a bar: to their residual, or to the reaction where they are held.
+fn pull_dummies(dummies: &[usize], pull: DVec3, constraints: &mut Constraints, f: &mut [Force]) {
+    for row in dummies {
+        for axis in 0..3 {
+            match constraints.border_member(*row, axis) {
+                Some(j) => constraints.border_residual[j] += pull[axis],
+                None => f[*row].0[axis] += pull[axis],
             }
         }
     }
 }
 
 /// Solves for the velocities beta that the tensions give to the border.
-fn border_velocity(step: Step, fours: &[Pack<f64x4>], ones: &[Pack<f64>], constraints: &Constraints, beta: &mut [f64]) {
+fn border_velocity(step: Step, packs: &[Pack], constraints: &Constraints, beta: &mut [f64]) {
     let n = beta.len();
     let (mut load, mut stiffness) = (vec![0.0; n], vec![0.0; n * n]);
-    fours.iter().for_each(|p| p.load_border(&mut load, &mut stiffness));
-    ones.iter().for_each(|p| p.load_border(&mut load, &mut stiffness));
+    packs.iter().for_each(|p| p.load_border(&mut load, &mut stiffness));
     // (I + k dt S^-1 gamma^t A^-1 gamma) beta = -k S^-1 gamma^t A^-1 r
     let mut a = vec![0.0; n * n];
     for i in 0..n {

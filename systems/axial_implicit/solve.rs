@@ -1,4 +1,4 @@
-//! The solve: chains of one length side by side, one in each lane.
+//! The solve: up to four chains of one length side by side, one in each lane.
 use super::chains::Chain;
 use crate::systems::constraint::Constraints;
 use braid_ecs::prelude::*;
@@ -14,6 +14,10 @@ pub struct Step {
     pub keep: f64,
 }
 
+/// Chains of a pack.
+pub const LANES: usize = L::WIDTH;
+type L = f64x4;
+
 /// Columns of the nodes.
 pub type NodeSlices<'a> = (&'a [Position], &'a [Velocity], &'a [Force], &'a [InverseMass]);
 
@@ -27,11 +31,33 @@ struct Ends {
     carriers: [[u32; 2]; 4],
     /// Entry of [`Pack::dummies`] of each end, or [`PLAIN`].
     hang: [[u32; 2]; 4],
+    /// True if dummy nodes move the first or the second end of any of the bars.
+    hangs: [bool; 2],
+    /// True if all of the bars start from the node in which those before them end.
+    joined: bool,
+}
+
+impl Ends {
+    /// Marks what all lanes have in common, `before` being the bars before these.
+    fn mark(&mut self, before: Option<&Ends>) {
+        self.hangs = [0, 1].map(|side| self.hang.iter().any(|h| h[side] != PLAIN));
+        let same = |b: &Ends| (0..LANES).all(|l| self.rows[l][0] == b.rows[l][1] && self.carriers[l][0] == b.carriers[l][1]);
+        self.joined = !self.hangs[0] && before.is_some_and(|b| !b.hangs[1] && same(b));
+    }
+}
+
+/// Place, velocity, what the kick has added to it, and inverse mass at one end of the bars.
+#[derive(Clone, Copy)]
+struct End {
+    x: V3<L>,
+    v: V3<L>,
+    added: V3<L>,
+    w: V3<L>,
 }
 
 /// Working numbers of one bar of each chain.
 #[derive(Clone, Copy, Debug)]
-struct Work<L> {
+struct Work {
     rest_length: L,
     ea: L,
     t: V3<L>,
@@ -59,30 +85,35 @@ struct Coupling {
     gamma: f64,
 }
 
-/// `L::WIDTH` chains with the same number of bars.
+/// Up to [`LANES`] chains with the same number of bars; lanes without a chain of their own repeat the last one.
 #[derive(Clone, Debug)]
-pub struct Pack<L> {
+pub struct Pack {
+    /// Number of chains.
+    lanes: usize,
     closed: bool,
     ends: Vec<Ends>,
-    work: Vec<Work<L>>,
+    work: Vec<Work>,
     dummies: Vec<Vec<usize>>,
     couplings: Vec<Coupling>,
     /// A^-1 gamma of the members of the border that the chains feel.
     solved: Vec<(usize, Vec<L>)>,
-    /// Work of the motion on the bars in the last kick, by lane (force x length).
+    /// Pulls of the bars on their first ends, four of each bar.
+    pulls: Vec<DVec3>,
+    /// Work of the motion on the bars in the last kick (force x length).
     pub done: f64,
 }
 
-impl<L: Lane> Pack<L> {
-    /// From as many chains as there are lanes.
+impl Pack {
+    /// From chains with the same number of bars, one to [`LANES`] of them.
     pub fn new(chains: &[Chain], constraints: Option<&Constraints>) -> Self {
-        assert_eq!(chains.len(), L::WIDTH, "one chain a lane");
+        let lanes = chains.len();
+        let chain = |lane: usize| &chains[lane.min(lanes - 1)];
         let count = chains[0].bars.len();
         let zero = L::splat(0.0);
         let mut dummies = Vec::new();
         let mut ends = vec![Ends::default(); count];
-        for (lane, chain) in chains.iter().enumerate() {
-            for (e, b) in ends.iter_mut().zip(&chain.bars) {
+        for lane in 0..LANES {
+            for (e, b) in ends.iter_mut().zip(&chain(lane).bars) {
                 (e.rows[lane], e.carriers[lane], e.hang[lane]) = (b.rows, b.carriers, [PLAIN; 2]);
                 for side in 0..2 {
                     if b.rows[side] != b.carriers[side]
@@ -94,9 +125,13 @@ impl<L: Lane> Pack<L> {
                 }
             }
         }
+        for i in 0..count {
+            let (before, rest) = ends.split_at_mut(i);
+            rest[0].mark(before.last());
+        }
         let work = (0..count).map(|i| Work {
-            rest_length: L::from_fn(|l| chains[l].bars[i].rest_length),
-            ea: L::from_fn(|l| chains[l].bars[i].ea),
+            rest_length: L::from_fn(|l| chain(l).bars[i].rest_length),
+            ea: L::from_fn(|l| chain(l).bars[i].ea),
             t: V3::zero(),
             length: zero,
             rate_before: zero,
@@ -120,12 +155,13 @@ impl<L: Lane> Pack<L> {
         let couplings: Vec<Coupling> = chains.iter().enumerate().flat_map(of).collect();
         let members: std::collections::BTreeSet<usize> = couplings.iter().map(|c| c.member).collect();
         let solved = members.into_iter().map(|j| (j, vec![zero; count])).collect();
-        Pack { closed: chains[0].closed, ends, work: work.collect(), dummies, couplings, solved, done: 0.0 }
+        let pulls = vec![DVec3::ZERO; count * LANES];
+        Pack { lanes, closed: chains[0].closed, ends, work: work.collect(), dummies, couplings, solved, pulls, done: 0.0 }
     }
 
-    /// Number of bars in all lanes.
+    /// Number of bars.
     pub fn count(&self) -> usize {
-        self.ends.len() * L::WIDTH
+        self.ends.len() * self.lanes
     }
 
     /// Rows, rest length and EA of the bars, in the order of [`Pack::tensions`].
@@ -133,16 +169,16 @@ impl<L: Lane> Pack<L> {
         self.ends
             .iter()
             .zip(&self.work)
-            .flat_map(|(e, w)| (0..L::WIDTH).map(|l| AxialBar { rows: e.rows[l], rest_length: w.rest_length.lane(l), ea: w.ea.lane(l) }))
+            .flat_map(|(e, w)| (0..self.lanes).map(|l| AxialBar { rows: e.rows[l], rest_length: w.rest_length.lane(l), ea: w.ea.lane(l) }))
     }
 
     /// Largest 4 EA / (L m) of a bar, with the given inverse masses by row.
     pub fn frequency2(&self, light: &[f64]) -> f64 {
-        let of = |e: &Ends, w: &Work<L>, l: usize| {
+        let of = |e: &Ends, w: &Work, l: usize| {
             let [a, b] = e.carriers[l].map(|c| light[c as usize]);
             4.0 * w.ea.lane(l) / w.rest_length.lane(l) * a.max(b)
         };
-        self.ends.iter().zip(&self.work).flat_map(|(e, w)| (0..L::WIDTH).map(move |l| of(e, w, l))).fold(0.0, f64::max)
+        self.ends.iter().zip(&self.work).flat_map(|(e, w)| (0..LANES).map(move |l| of(e, w, l))).fold(0.0, f64::max)
     }
 
     /// Assembles the matrix, factorises it, and solves for y = A^-1 r and A^-1 gamma.
@@ -161,43 +197,17 @@ impl<L: Lane> Pack<L> {
         self.factorise();
     }
 
-    fn assemble(&mut self, step: Step, (x, v, f, w): NodeSlices<'_>, jumps: &[DVec3]) {
+    fn assemble(&mut self, step: Step, nodes: NodeSlices<'_>, jumps: &[DVec3]) {
         let Pack { ends, work, dummies, closed, .. } = self;
-        let (kick, h2) = (step.kick, L::splat(step.dt * step.kick));
-        let (half, dt) = (L::splat(0.5), L::splat(step.dt));
-        let pad = |v: DVec3| [v.x, v.y, v.z, 0.0];
-        // What the kick has added to the velocity of an end, and the velocity with it.
-        let kicked = |row: usize| w[row].0 * f[row].0 * kick + jumps.get(row).copied().unwrap_or(DVec3::ZERO);
-        let end = |e: &Ends, l: usize, side: usize| -> (DVec3, DVec3) {
-            let c = e.carriers[l][side] as usize;
-            let (mut velocity, mut added) = (v[c].0, kicked(c));
-            if e.hang[l][side] != PLAIN {
-                for d in &dummies[e.hang[l][side] as usize] {
-                    velocity += v[*d].0;
-                    added += kicked(*d);
-                }
-            }
-            (velocity, added)
-        };
-        let mut before: Option<(V3<L>, V3<L>)> = None;
-        let mut first: Option<(V3<L>, V3<L>)> = None;
+        let h2 = L::splat(step.dt * step.kick);
+        let (half, dt, keep) = (L::splat(0.5), L::splat(step.dt), L::splat(1.0 / step.keep));
+        let mut before: Option<End> = None;
+        let mut first = None;
         let last = ends.len() - 1;
         for (i, e) in ends.iter().enumerate() {
-            let [dx, dy, dz, _] = L::rows(|l| pad(x[e.rows[l][1] as usize].0 - x[e.rows[l][0] as usize].0));
-            let ([vx, vy, vz, _], [kx, ky, kz, _]);
-            {
-                let (mut dv, mut dk) = ([[0.0; 4]; 4], [[0.0; 4]; 4]);
-                for l in 0..L::WIDTH {
-                    let ((va, ka), (vb, kb)) = (end(e, l, 0), end(e, l, 1));
-                    (dv[l], dk[l]) = (pad(vb - va), pad(kb - ka));
-                }
-                [vx, vy, vz, _] = L::rows(|l| dv[l]);
-                [kx, ky, kz, _] = L::rows(|l| dk[l]);
-            }
-            let (d, dv, dk) = (V3::new(dx, dy, dz), V3::new(vx, vy, vz), V3::new(kx, ky, kz));
-            let [ax, ay, az, _] = L::rows(|l| pad(w[e.carriers[l][0] as usize].0));
-            let [bx, by, bz, _] = L::rows(|l| pad(w[e.carriers[l][1] as usize].0));
-            let (wa, wb) = (V3::new(ax, ay, az), V3::new(bx, by, bz));
+            let a = before.filter(|_| e.joined).unwrap_or_else(|| e.end(0, step.kick, nodes, jumps, dummies));
+            let z = e.end(1, step.kick, nodes, jumps, dummies);
+            let (d, dv, dk) = (z.x - a.x, z.v - a.v, z.added - a.added);
             let b = &mut work[i];
             let l = d.dot(d).sqrt();
             let t = d * (L::splat(1.0) / l);
@@ -208,21 +218,20 @@ impl<L: Lane> Pack<L> {
             let across = calm - t * along;
             b.t = t;
             b.length = l;
-            b.rate_before = along / L::splat(step.keep);
+            b.rate_before = along * keep;
             b.turning = half * dt * dt * across.dot(across) / l;
             b.y = l - b.rest_length + dt * t.dot(dv) + b.turning;
-            let times = |a: V3<L>, b: V3<L>| V3::new(a.x * b.x, a.y * b.y, a.z * b.z);
-            b.pivot = b.rest_length / b.ea + h2 * t.dot(times(wa + wb, t));
+            b.pivot = b.rest_length / b.ea + h2 * t.dot(times(a.w + z.w, t));
             b.z = L::splat(0.0);
             // The neighbour before shares the first end of this bar.
-            if let Some((t_before, w_shared)) = before {
-                work[i - 1].upper = -(h2 * t_before.dot(times(w_shared, t)));
+            if let Some(shared) = before {
+                work[i - 1].upper = -(h2 * work[i - 1].t.dot(times(shared.w, t)));
             }
-            first = first.or(Some((t, wa)));
-            before = Some((t, wb));
+            first = first.or(Some(t));
+            before = Some(z);
         }
-        if *closed && let (Some((t, w)), Some((t_first, _))) = (before, first) {
-            work[last].upper = -(h2 * t.dot(V3::new(w.x * t_first.x, w.y * t_first.y, w.z * t_first.z)));
+        if *closed && let (Some(shared), Some(t_first)) = (before, first) {
+            work[last].upper = -(h2 * work[last].t.dot(times(shared.w, t_first)));
         }
     }
 
@@ -308,22 +317,74 @@ impl<L: Lane> Pack<L> {
         }
         let (one, half, kick, dt) = (L::splat(1.0), L::splat(0.5), L::splat(step.whole_kick), L::splat(step.dt));
         let mut done = L::splat(0.0);
-        for b in &self.work {
+        for (b, pulls) in self.work.iter().zip(self.pulls.chunks_exact_mut(LANES)) {
+            (b.t * b.y).each(|l, pull| pulls[l] = pull);
             let after = b.rest_length * (one + b.y / b.ea);
             let rate_after = (after - b.length - b.turning) / dt;
             done = done + half * b.y * (b.rate_before + rate_after) * kick;
         }
-        self.done = (0..L::WIDTH).map(|l| done.lane(l)).sum();
+        self.done = (0..self.lanes).map(|l| done.lane(l)).sum();
     }
 
-    /// Calls `pull` with tension, pull on the first end, carriers, and the dummies behind both ends of each bar.
-    pub fn tensions(&self, mut pull: impl FnMut(f64, DVec3, [u32; 2], [&[usize]; 2])) {
-        let behind = |hang: u32| if hang == PLAIN { &[][..] } else { &self.dummies[hang as usize][..] };
-        for (e, b) in self.ends.iter().zip(&self.work) {
-            let p = b.t * b.y;
-            for l in 0..L::WIDTH {
-                pull(b.y.lane(l), p.lane(l), e.carriers[l], e.hang[l].map(behind));
-            }
+    /// Tensions of the bars, in the order of [`Pack::bars`].
+    pub fn tensions(&self) -> impl Iterator<Item = f64> + '_ {
+        self.work.iter().flat_map(|b| (0..self.lanes).map(|l| b.y.lane(l)))
+    }
+
+    /// The carriers of all ends of bars, each with what asks [`Pack::pull`] for the pull on it.
+    pub fn carriers(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let of = move |i: usize, l: usize| [0, 1].map(|side| (self.ends[i].carriers[l][side], (2 * (i * LANES + l) + side) as u32));
+        (0..self.ends.len()).flat_map(move |i| (0..self.lanes).flat_map(move |l| of(i, l)))
+    }
+
+    /// Pull of a bar on one of its ends.
+    #[inline]
+    pub fn pull(&self, end: u32) -> DVec3 {
+        let pull = self.pulls[end as usize / 2];
+        if end & 1 == 0 { pull } else { -pull }
+    }
+
+    /// Pulls on the ends that dummy nodes move, with these.
+    pub fn hanging(&self) -> impl Iterator<Item = (DVec3, &[usize])> + '_ {
+        let of = move |(i, e, l, side): (usize, &Ends, usize, usize)| match e.hang[l][side] {
+            PLAIN => None,
+            k => Some((self.pull((2 * (i * LANES + l) + side) as u32), &self.dummies[k as usize][..])),
+        };
+        let marked = self.ends.iter().enumerate().filter(|(_, e)| e.hangs[0] || e.hangs[1]);
+        marked.flat_map(move |(i, e)| (0..2 * self.lanes).map(move |k| (i, e, k / 2, k % 2))).filter_map(of)
+    }
+}
+
+/// Component by component.
+#[inline(always)]
+fn times(a: V3<L>, b: V3<L>) -> V3<L> {
+    V3::new(a.x * b.x, a.y * b.y, a.z * b.z)
+}
+
+impl Ends {
+    /// How the bars' first (0) or second (1) ends move.
+    #[inline(always)]
+    fn end(&self, side: usize, kick: f64, (x, v, f, w): NodeSlices<'_>, jumps: &[DVec3], dummies: &[Vec<usize>]) -> End {
+        let carrier = |l: usize| self.carriers[l][side] as usize;
+        let inverse = V3::gather(|l| w[carrier(l)].0);
+        let mut end = End {
+            x: V3::gather(|l| x[self.rows[l][side] as usize].0),
+            v: V3::gather(|l| v[carrier(l)].0),
+            added: times(inverse, V3::gather(|l| f[carrier(l)].0)) * L::splat(kick),
+            w: inverse,
+        };
+        if !jumps.is_empty() {
+            end.added = end.added + V3::gather(|l| jumps[carrier(l)]);
         }
+        if self.hangs[side] {
+            let behind = |l: usize| match self.hang[l][side] {
+                PLAIN => &[][..],
+                k => &dummies[k as usize][..],
+            };
+            let jump = |d: usize| jumps.get(d).copied().unwrap_or(DVec3::ZERO);
+            end.v = end.v + V3::gather(|l| behind(l).iter().map(|d| v[*d].0).sum());
+            end.added = end.added + V3::gather(|l| behind(l).iter().map(|d| w[*d].0 * f[*d].0 * kick + jump(*d)).sum());
+        }
+        end
     }
 }

@@ -79,6 +79,27 @@ pub fn of_line(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &Lin
     line_contact(penalty, lines, now, record, state, &beside(lines, now, record, state))
 }
 
+/// Calls `f` with the number of every line record, the parameter on its segment, and its stiffness.
+pub fn each_line(
+    penalty: &Penalty,
+    lines: &Lines,
+    now: &Centrelines,
+    records: &[LineRecord],
+    states: &[LineState],
+    mut f: impl FnMut(usize, f64, f64),
+) {
+    for group in lane::groups(records.len()) {
+        let (records, states, wide) = (&records[group.clone()], &states[group.clone()], group.len() == f64x4::WIDTH);
+        if wide {
+            let c = line_contact::<f64x4>(penalty, lines, now, records, states, &beside(lines, now, records, states));
+            group.enumerate().for_each(|(lane, k)| f(k, c.t[1].lane(lane), c.stiffness.lane(lane)));
+        } else {
+            let c = of_line(penalty, lines, now, &records[0], &states[0]);
+            f(group.start, c.t[1], c.stiffness);
+        }
+    }
+}
+
 /// One point record, with all that can be said about it.
 pub fn of_point(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &PointRecord, state: &PointState) -> Contact<f64> {
     point_contact(penalty, lines, now, std::slice::from_ref(record), std::slice::from_ref(state))
@@ -133,14 +154,14 @@ fn lines_at_once<L: Lane>(
     if !L::any(L::splat(0.0).less(at.overlap)) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
-            states[lane] = LineState { stiffness: APART, ..LineState::at(t) };
+            states[lane] = LineState { stiffness: APART, overlap: at.overlap.lane(lane), ..LineState::at(t) };
             (forces[lane].0.force, forces[lane].0.t) = (DVec3::ZERO, [0.0, t]);
             sum.strayed |= strayed(t);
         }
         return;
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
-    let (r, kept) = (&c.response, kept_stiffness(c.stiffness, c.penetration + c.offset));
+    let (r, kept) = (&c.response, kept_stiffness(c.stiffness, at.overlap));
     for lane in 0..L::WIDTH {
         let t = c.t[1].lane(lane);
         sum.count(penalty, r, states[lane].offset, lane);
@@ -150,6 +171,7 @@ fn lines_at_once<L: Lane>(
             damper: r.memory.damper.lane(lane),
             offset: c.offset.lane(lane),
             stiffness: kept.lane(lane),
+            overlap: at.overlap.lane(lane),
         };
         forces[lane] = LineForce(action(&c, lane));
         sum.strayed |= strayed(t);
@@ -261,27 +283,15 @@ pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, tur
 pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> impl Iterator<Item = (u32, f64)> {
     let w = weights(t, Range::new(|_| lines.slots[segment as usize].free));
     let h = now.tangent[segment as usize][3];
-    let mut all = [(NONE, 0.0); 8];
-    (all[0], all[1]) = ((segment, w.a), (segment + 1, w.b));
-    for (side, (at, weight)) in [(segment, w.ta * h), (segment + 1, w.tb * h)].into_iter().enumerate() {
-        for (k, (slot, c)) in lines.tangent_slots(at).enumerate() {
-            all[2 + 3 * side + k] = (slot, c * weight);
+    // Tangents take at most two slots on one side of their own.
+    let first = segment.wrapping_sub(2);
+    let mut all = [0.0, 0.0, w.a, w.b, 0.0, 0.0];
+    for (slot, weight) in [(segment, w.ta * h), (segment + 1, w.tb * h)] {
+        for (at, c) in lines.tangent_slots(slot) {
+            all[at.wrapping_sub(first) as usize] += c * weight;
         }
     }
-    all.sort_unstable_by_key(|l| l.0);
-    let mut count = 0;
-    for k in 0..all.len() {
-        if all[k].0 == NONE {
-            break;
-        }
-        if count > 0 && all[count - 1].0 == all[k].0 {
-            all[count - 1].1 += all[k].1;
-        } else {
-            all[count] = all[k];
-            count += 1;
-        }
-    }
-    all.into_iter().take(count)
+    all.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0).map(move |(k, weight)| (first.wrapping_add(k as u32), weight))
 }
 
 /// Adds the forces of all records to the rows, record by record: few of a list touch, and one order gives

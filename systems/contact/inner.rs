@@ -9,7 +9,6 @@
 //! (2004), section 3.4).
 //!
 //! Between two looks only the centrelines beside near records are brought up to date ([`Needed`]).
-use super::kernel::beside;
 use super::lines::{Centrelines, JointMasses, Lines};
 use super::records::*;
 use super::search::Search;
@@ -90,22 +89,14 @@ impl InnerList {
     }
 
     /// Moves the near records to the front of their columns, each part in its old order; returns how many there are.
-    /// Needs the states of an evaluation of all records with these centrelines.
-    pub fn divide_lines(
-        &self,
-        search: &Search,
-        lines: &Lines,
-        now: &Centrelines,
-        records: &mut [LineRecord],
-        states: &mut [LineState],
-    ) -> usize {
+    /// Needs the states of an evaluation of all records.
+    pub fn divide_lines(&self, search: &Search, records: &mut [LineRecord], states: &mut [LineState]) -> usize {
         let far = |r: &LineRecord, s: &LineState| {
             if s.stiffness > 0.0 || s.damper != 0.0 {
                 return false;
             }
             let (n, j) = (r.node as usize, r.segment as usize);
-            let gap = -beside::<f64>(lines, now, std::slice::from_ref(r), std::slice::from_ref(s)).overlap;
-            gap > CURVE * search.approach(&[n], &[j, j + 1], r.image, self.horizon, self.share)
+            -s.overlap > CURVE * search.approach(&[n], &[j, j + 1], r.image, self.horizon, self.share)
         };
         divide(records, states, far)
     }
@@ -202,18 +193,18 @@ impl Marks {
 impl Needed {
     /// Lists the marked slots.
     pub fn list(&mut self, lines: &Lines, mut marks: Marks) {
-        let listed = |marks: &[bool]| marks.iter().enumerate().filter(|m| *m.1).map(|m| m.0 as u32).collect();
-        self.frames = listed(&marks.frame);
-        for i in self.frames.iter().map(|i| *i as usize) {
-            let s = &lines.slots[i];
+        let Needed { frames, places, .. } = self;
+        frames.clear();
+        for i in (0..marks.frame.len()).filter(|i| marks.frame[*i]) {
             marks.place[i] = true;
-            if s.ghost {
-                continue;
+            if !lines.slots[i].ghost {
+                frames.push(i as u32);
+                let first = (i as isize + lines.stencils[i].first) as usize;
+                marks.place[first..first + 3].fill(true);
             }
-            let first = (i as isize + s.first) as usize;
-            marks.place[first.min(i - 1)..=(first + 2).max(i + 1)].fill(true);
         }
-        self.places = listed(&marks.place);
+        places.clear();
+        places.extend((0..marks.place.len()).filter(|i| marks.place[*i]).map(|i| i as u32));
         self.stale = false;
     }
 }

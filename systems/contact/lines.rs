@@ -12,7 +12,7 @@ use braid_ecs::prelude::*;
 use std::collections::BTreeMap;
 
 /// Slots per parallel chunk.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 1024;
 
 /// Marks a slot without a row.
 pub const NONE: u32 = u32::MAX;
@@ -42,10 +42,34 @@ pub struct Slot {
     pub spacing: f64,
     /// Length of the segment that starts here (length).
     pub length: f64,
-    /// Coefficients of the tangent for three slots in a row.
-    pub tangent: [f64; 3],
+}
+
+/// How the centreline at a slot follows from three slots in a row.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stencil {
     /// Place of the first of them relative to this slot.
     pub first: isize,
+    /// Coefficients of the tangent (1 / length).
+    pub tangent: [f64; 3],
+    /// Coefficients of the second derivative by arc length, zero at free ends (1 / length^2).
+    bend: [f64; 3],
+    /// Length of the segment that starts here (length).
+    length: f64,
+}
+
+impl Stencil {
+    /// With segments of these lengths, two before and two after the slot; zero where there is none.
+    fn new(lengths: [f64; 4]) -> Self {
+        let (tangent, first) = tangent_stencil(lengths);
+        let [_, before, after, _] = lengths;
+        let whole = 0.5 * (before + after);
+        let bend = if before > 0.0 && after > 0.0 {
+            [1.0 / (before * whole), -1.0 / (before * whole) - 1.0 / (after * whole), 1.0 / (after * whole)]
+        } else {
+            [0.0; 3]
+        };
+        Stencil { first, tangent, bend, length: after }
+    }
 }
 
 /// Where a segment goes on: the neighbouring segment and the image step to it.
@@ -56,6 +80,8 @@ pub type Link = Option<(u32, Image)>;
 pub struct Lines {
     /// Slots, filament by filament.
     pub slots: Vec<Slot>,
+    /// How the centreline at each slot follows from those around it; nothing for ghosts.
+    pub stencils: Vec<Stencil>,
     /// First slot (a ghost) of each filament, and the end.
     pub start: Vec<u32>,
     /// Index of each filament in the model.
@@ -91,7 +117,7 @@ impl Lines {
     /// Slots that make the tangent of a slot, with their coefficients.
     #[inline(always)]
     pub fn tangent_slots(&self, slot: u32) -> impl Iterator<Item = (u32, f64)> {
-        let s = &self.slots[slot as usize];
+        let s = &self.stencils[slot as usize];
         let first = (slot as isize + s.first) as u32;
         (first..).zip(s.tangent).filter(|(_, c)| *c != 0.0)
     }
@@ -189,8 +215,6 @@ impl Lines {
             half: [0.0; 2],
             spacing: 0.0,
             length: 0.0,
-            tangent: [0.0; 3],
-            first: -1,
         };
         let inner = |other: usize, from_start: bool| {
             let nodes = &model.filaments[self.model_index[other]].nodes;
@@ -221,6 +245,7 @@ impl Lines {
             (Some(a), Some(b)) => a.distance(b),
             _ => 0.0,
         };
+        self.stencils = vec![Stencil::default(); self.slots.len()];
         let (mut sum, mut radius, mut count) = (0.0, 0.0, 0usize);
         for f in 0..self.model_index.len() {
             let range = self.start[f] as usize + 1..self.start[f + 1] as usize - 1;
@@ -234,7 +259,7 @@ impl Lines {
                 s.half = [0.5 * before, 0.5 * after];
                 s.spacing = if before > 0.0 && after > 0.0 { 0.5 * (before + after) } else { before + after };
                 s.length = after;
-                (s.tangent, s.first) = tangent_stencil([farther[0], before, after, farther[1]]);
+                self.stencils[i] = Stencil::new([farther[0], before, after, farther[1]]);
                 if s.segment {
                     sum += after;
                     radius += s.radius;
@@ -359,13 +384,15 @@ impl Centrelines {
         self.tangent.resize(n, [0.0; 4]);
         self.rate.resize(n, [0.0; 4]);
         self.bend.resize(n, [0.0; 4]);
-        let (of_place, of_frame) = needed.map_or((&lines.every, &lines.every), |n| (&n.places, &n.frames));
+        let (of_place, of_frame) = needed.map_or((&lines.every, &lines.row_slots), |n| (&n.places, &n.frames));
         let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, complete } = self;
-        parallel::picked2(places, speeds, of_place, CHUNK, |i, place, speed| {
+        parallel::picked2(places, speeds, of_place, CHUNK, |_, i, place, speed| {
             put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed);
         });
         let (x, v) = (&*places, &*speeds);
-        parallel::picked3(tangent, bend, rate, of_frame, CHUNK, |i, tangent, bend, rate| put_frame(lines, i, x, v, tangent, bend, rate));
+        parallel::picked3(tangent, bend, rate, of_frame, CHUNK, |_, i, tangent, bend, rate| {
+            put_frame(&lines.stencils[i], i, x, v, tangent, bend, rate);
+        });
         *complete = needed.is_none();
     }
 }
@@ -391,25 +418,20 @@ fn put_place(
     *speed = [u.x, u.y, u.z, mass[r]];
 }
 
-/// Tangent, curvature and rate of the tangent of slot `i`.
+/// Tangent, second derivative and rate of the tangent of slot `i`.
 #[inline(always)]
-fn put_frame(lines: &Lines, i: usize, x: &[[f64; 4]], v: &[[f64; 4]], tangent: &mut [f64; 4], bend: &mut [f64; 4], rate: &mut [f64; 4]) {
-    let s = &lines.slots[i];
-    // Ghosts bound segments, but have no tangents.
-    if s.ghost {
-        return;
-    }
-    let [a, b, c] = s.tangent;
+fn put_frame(s: &Stencil, i: usize, x: &[[f64; 4]], v: &[[f64; 4]], tangent: &mut [f64; 4], bend: &mut [f64; 4], rate: &mut [f64; 4]) {
     let o = (i as isize + s.first) as usize;
-    let blend = |v: &[[f64; 4]], k: usize| v[o][k] * a + v[o + 1][k] * b + v[o + 2][k] * c;
-    *tangent = [blend(x, 0), blend(x, 1), blend(x, 2), s.length];
-    *rate = [blend(v, 0), blend(v, 1), blend(v, 2), s.length];
-    let [before, after] = s.half.map(|h| 2.0 * h);
-    if before > 0.0 && after > 0.0 {
-        let x = |k: usize| xyz(&x[k]);
-        let d = ((x(i + 1) - x(i)) / after - (x(i) - x(i - 1)) / before) * (2.0 / (before + after));
-        *bend = [d.x, d.y, d.z, 0.0];
-    }
+    let blend = |of: &[[f64; 4]], [a, b, c]: [f64; 3]| {
+        let [p, q, r] = of[o..o + 3].as_array().expect("three in a row").map(f64x4::new);
+        p * f64x4::splat(a) + q * f64x4::splat(b) + r * f64x4::splat(c)
+    };
+    let with_length = |of: f64x4| {
+        let [x, y, z, _] = of.to_array();
+        [x, y, z, s.length]
+    };
+    (*tangent, *rate) = (with_length(blend(x, s.tangent)), with_length(blend(v, s.tangent)));
+    *bend = blend(x, s.bend).to_array();
 }
 
 /// Masses by row in which periodic copies of a node share the mass of the whole node.

@@ -123,8 +123,8 @@ impl Found {
         let sampling = lines.slots[if Lines::looks_first(ca, cb) { a } else { b }].length;
         let ends = |j: usize| [xyz(&now.tangent[j]), xyz(&now.tangent[j + 1])];
         let least = look_from(penalty, reach, sampling);
-        let widest = ends(a).iter().flat_map(|u| ends(b).map(|v| sine(*u, v, u.cross(v).normalize_or_zero()))).fold(0.0, f64::max);
-        if widest <= least {
+        let crosses = |u: DVec3, v: DVec3| u.cross(v).length_squared() > least * least * u.length_squared() * v.length_squared();
+        if !ends(a).iter().any(|u| ends(b).iter().any(|v| crosses(*u, *v))) {
             return;
         }
         let shift = now.shift[c.image as usize];

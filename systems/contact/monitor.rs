@@ -84,18 +84,29 @@ fn report(penalty: &Penalty, c: &Contact<f64>, place: DVec3, names: (usize, usiz
 
 /// All records between filaments that are less than one radius apart, in record order.
 pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
-    let mut out = Vec::new();
     if !world.contains_resource::<Search>() {
-        return out;
+        return Vec::new();
     }
     refresh_all(world);
+    let live = *world.resource::<LiveRecords>();
+    reports(world, live.lines, live.points)
+}
+
+/// Those of the near records, which are all that touch.
+fn near_contacts(world: &mut World) -> Vec<ContactReport> {
+    let live = world.get_resource::<LiveRecords>().copied().unwrap_or_default();
+    if live.near_lines + live.near_points == 0 { Vec::new() } else { reports(world, live.near_lines, live.near_points) }
+}
+
+/// Reports of the first so many line and point records.
+fn reports(world: &mut World, line_records: usize, point_records: usize) -> Vec<ContactReport> {
+    let mut out = Vec::new();
     let mut line_query = world.query::<(&LineRecord, &LineState)>();
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
-    let live = *world.resource::<LiveRecords>();
     let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
     let penalty = still(world.resource::<Penalty>());
     let near = |c: &Contact<f64>| c.penetration + c.offset > -0.5 * c.reach && c.stiffness > 0.0;
-    for (record, state) in line_query.iter(world).take(live.lines) {
+    for (record, state) in line_query.iter(world).take(line_records) {
         let c = of_line(&penalty, lines, now, record, state);
         if near(&c) {
             let normal = c.normal.lane(0);
@@ -105,7 +116,7 @@ pub fn filament_contacts(world: &mut World) -> Vec<ContactReport> {
             out.push(report(&penalty, &c, place, names, rn.min(rs), ContactKind::Line));
         }
     }
-    for (record, state) in point_query.iter(world).take(live.points) {
+    for (record, state) in point_query.iter(world).take(point_records) {
         let c = of_point(&penalty, lines, now, record, state);
         if near(&c) {
             let [i, j] = record.segments;
@@ -170,7 +181,8 @@ fn too_deep(c: &ContactReport) -> String {
 
 /// Takes the summary and the elastic energy of all contacts now.
 pub fn summarise(world: &mut World) {
-    let contacts = all_contacts(world);
+    let mut contacts = near_contacts(world);
+    contacts.extend(crate::systems::surface::surface_contacts(world));
     let live = world.get_resource::<LiveRecords>().copied().unwrap_or_default();
     let mut summary =
         ContactSummary { records: live.lines + live.points, near: live.near_lines + live.near_points, ..ContactSummary::default() };

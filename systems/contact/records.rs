@@ -38,12 +38,14 @@ pub struct LineState {
     pub offset: f64,
     /// Stiffness of the step before, zero for a record just found; negative if it did not touch (force / length).
     pub stiffness: f64,
+    /// Overlap of the step before; not a number for a record just found (length).
+    pub overlap: f64,
 }
 
 impl LineState {
     /// Of a record just found.
     pub fn at(t: f64) -> Self {
-        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0 }
+        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN }
     }
 }
 

@@ -285,7 +285,7 @@ impl Search {
     fn measure_bulges(&mut self, lines: &Lines, now: &Centrelines) {
         self.bulge.resize(lines.slots.len(), 0.0);
         let tangent = |x: &[DVec3], i: usize| {
-            let s = &lines.slots[i];
+            let s = &lines.stencils[i];
             let o = (i as isize + s.first) as usize;
             x[o] * s.tangent[0] + x[o + 1] * s.tangent[1] + x[o + 2] * s.tangent[2]
         };

@@ -1,6 +1,6 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
-use super::assemble::{carriers, of_line, of_point};
+use super::assemble::{carriers, each_line, of_point};
 use super::inner::refresh_all;
 use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, NONE};
@@ -113,17 +113,24 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut spread = Spread::new(lines, masses.len());
     let tangential = if penalty.law.friction > 0.0 { penalty.law.tangential } else { 0.0 };
     let radius = |slot: u32| lines.slots[slot as usize].radius;
-    for (record, state) in line_query.iter(world).take(live.lines) {
-        let c = of_line(&still, lines, now, record, state);
+    let (records, states): (Vec<LineRecord>, Vec<LineState>) = line_query.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).unzip();
+    each_line(&still, lines, now, &records, &states, |k, t, stiffness| {
+        if stiffness == 0.0 {
+            return;
+        }
+        let record = &records[k];
         spread.node(record.node, 1.0);
-        spread.segment(now, record.segment, c.t[1]);
+        spread.segment(now, record.segment, t);
         spread.image(record.image);
         spread.turn(record.node, radius(record.node));
-        spread.turn_along(now, record.segment, c.t[1]);
-        spread.add(c.stiffness * narrow, tangential * c.stiffness);
-    }
+        spread.turn_along(now, record.segment, t);
+        spread.add(stiffness * narrow, tangential * stiffness);
+    });
     for (record, state) in point_query.iter(world).take(live.points) {
         let c = of_point(&still, lines, now, record, state);
+        if c.stiffness == 0.0 {
+            continue;
+        }
         spread.segment(now, record.segments[0], c.t[0]);
         spread.segment(now, record.segments[1], c.t[1]);
         spread.image(record.image);

@@ -208,7 +208,7 @@ pub fn forces(
     scatter(&lines, &now, (lr, lf), (pr, pf), |row, f| force[row].0 += f);
     if inner.due {
         inner.begin(&search, &lines, &now, x, clock.dt_target.max(clock.dt));
-        live.near_lines = inner.divide_lines(&search, &lines, &now, lr, ls);
+        live.near_lines = inner.divide_lines(&search, lr, ls);
         live.near_points = inner.divide_points(&search, pr, ps);
         needed.stale = true;
     }

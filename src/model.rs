@@ -219,6 +219,8 @@ pub struct Integration {
     pub dt: Option<f64>,
     /// Rotary inertia of beam nodes.
     pub rotary_inertia: RotaryInertiaRule,
+    /// Least shear flexibility 12 EI / (GA L^2) of beams, for longer time steps (0: that of the section alone).
+    pub shear_flexibility: f64,
     /// Damping.
     pub damping: Damping,
     /// Linear bulk viscosity coefficient of explicit axial elements (0.06 is usual, 0 is none).
@@ -234,6 +236,7 @@ impl Default for Integration {
             safety: 0.9,
             dt: None,
             rotary_inertia: RotaryInertiaRule::Scaled(1.0),
+            shear_flexibility: 0.0,
             damping: Damping::None,
             bulk_viscosity: 0.0,
             monitor_every: 64,

@@ -151,3 +151,30 @@ pub fn chunks<T: Send>(rows: usize, chunk: usize, f: impl Fn(Range<usize>) -> T 
     let range = |c: usize| c * chunk..((c + 1) * chunk).min(rows);
     if serial(rows, chunk) { (0..count).map(|c| f(range(c))).collect() } else { (0..count).into_par_iter().map(|c| f(range(c))).collect() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pool() -> rayon::ThreadPool {
+        rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads")
+    }
+
+    #[test]
+    fn threads_that_are_kept_awake_do_their_share_and_go_home() {
+        let pool = pool();
+        for rows in [WORTH - 1, WORTH] {
+            let done = pool.install(|| awake(rows, || sum(10_000, 100, |range| range.len() as f64)));
+            assert_eq!(done, 10_000.0);
+        }
+        assert_eq!(pool.install(|| sum(10_000, 100, |range| range.len() as f64)), 10_000.0);
+    }
+
+    #[test]
+    fn a_panic_lets_the_threads_go() {
+        let pool = pool();
+        let work = || pool.install(|| awake(WORTH, || panic!("on purpose")));
+        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).is_err());
+        assert_eq!(pool.install(|| 7), 7);
+    }
+}

@@ -3,6 +3,7 @@ use braid_ecs::prelude::*;
 use braid_ecs::run::{self, Blind, Status};
 use braid_ecs::scene::{self, LoadedScene, error::SceneErrors};
 use braid_ecs::systems::default_plugins;
+use braid_ecs::systems::truss::Truss;
 
 fn load(text: &str, sets: &[(&str, &str)]) -> Result<LoadedScene, SceneErrors> {
     let sets: Vec<(String, String)> = sets.iter().map(|(p, v)| (p.to_string(), v.to_string())).collect();
@@ -259,4 +260,12 @@ fn filaments_pressed_into_each_other_stop_the_run() {
     for part in ["filaments 0 and 1 press", "of the radius deep", "raise its stiffness"] {
         assert!(e.contains(part), "{e}");
     }
+}
+
+#[test]
+fn settings_of_the_scheme_reach_the_elements() {
+    let damped = load(PENDULUM, &[("integration.bulk_viscosity", "0.06")]).expect("valid");
+    let viscosity = |l: &LoadedScene| l.model.elements::<Truss, 2>()[0].0.viscosity;
+    assert!(viscosity(&damped) > 0.0);
+    assert_eq!(viscosity(&load(PENDULUM, &[]).expect("valid")), 0.0);
 }

@@ -28,7 +28,13 @@ fn position(sim: &mut Simulation, node: NodeId) -> DVec3 {
 
 /// Tip of a cantilever of unit length and EI under a transverse dead force alpha EI / L^2, at rest.
 fn cantilever(elements: usize, alpha: f64, axial: AxialScheme) -> DVec3 {
+    cantilever_with(elements, alpha, axial, 0.0).0
+}
+
+/// Tip, and time step, with a least shear flexibility.
+fn cantilever_with(elements: usize, alpha: f64, axial: AxialScheme, flexibility: f64) -> (DVec3, f64) {
     let mut m = Model::new("cantilever");
+    m.integration.shear_flexibility = flexibility;
     let section = Section { ea: 1e6, ei: [1.0, 1.0], gj: 0.8, ga: f64::INFINITY, mass: 1.0, inertia: 0.0 };
     let nodes =
         build_chain(&mut m, "beam", (0..=elements).map(|i| DVec3::X * (i as f64 / elements as f64)), section, NaturalShape::AsBuilt);
@@ -41,7 +47,22 @@ fn cantilever(elements: usize, alpha: f64, axial: AxialScheme) -> DVec3 {
     let (mut sim, _) = simulate(&m);
     let ledger = *sim.world.resource::<EnergyLedger>();
     assert!(ledger.balance_error().abs() < 0.01, "{ledger:?}");
-    position(&mut sim, nodes[elements])
+    (position(&mut sim, nodes[elements]), sim.world.resource::<Clock>().dt_limit)
+}
+
+#[test]
+fn a_least_shear_flexibility_lengthens_the_step_and_bends_by_the_known_share() {
+    // GA = 12 EI / (s l^2) adds P L / GA to P L^3 / 3 EI: the share s / (4 N^2). The stiffness that limits the step falls to 1 / (1 + s).
+    let s = 3.0;
+    for n in [4, 8] {
+        let (tip, _) = cantilever_with(n, 0.01, AxialScheme::Implicit, s);
+        let (share, known) = (tip.y / (0.01 / 3.0) - 1.0, s / (4 * n * n) as f64);
+        assert!((share / known - 1.0).abs() < 0.02, "{n} elements: {share} instead of {known}");
+    }
+    // On a mesh fine enough for bending to limit the step.
+    let limit = |s| cantilever_with(32, 0.01, AxialScheme::Implicit, s).1;
+    let (as_it_is, softer) = (limit(0.0), limit(1.0));
+    assert!((softer / as_it_is / 2f64.sqrt() - 1.0).abs() < 0.01, "{as_it_is} and {softer}");
 }
 
 #[test]

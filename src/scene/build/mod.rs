@@ -40,6 +40,7 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         time_scale: None,
         problems: Vec::new(),
     };
+    b.add_integration(scene);
     b.add_materials(scene);
     b.add_amplitudes(scene);
     b.add_nodes(scene);

@@ -57,19 +57,8 @@ impl Builder<'_> {
         self.time_scale = Some((scale, node));
     }
 
-    pub(super) fn add_run(&mut self, scene: &mut Scene) {
-        if let Some((scale, _)) = self.time_scale {
-            if matches!(scene.damping, None | Some(DampingSpec::Auto)) {
-                scene.damping = Some(DampingSpec::Mass(Rate(1.0 / scale)));
-            }
-            if scene.stop == StopSpec::default() {
-                scene.stop = StopSpec { time: Some(Time(100.0 * scale)), steps: None, steady: Some(SteadySpec::default()) };
-            }
-            if let Some(steady) = &mut scene.stop.steady {
-                steady.interval.get_or_insert(Time(scale));
-                steady.earliest.get_or_insert(Time(12.0 * scale));
-            }
-        }
+    /// The scheme, before the elements that depend on it; the damping comes with the loads.
+    pub(super) fn add_integration(&mut self, scene: &Scene) {
         let spec = &scene.integration;
         let safety = spec.safety.0;
         if !(safety > 0.0 && safety < 1.0) {
@@ -82,8 +71,40 @@ impl Builder<'_> {
             self.problem(at("integration.monitor_every"), "monitor_every must be at least 1");
         }
         self.not_negative(at("integration.bulk_viscosity"), "the bulk viscosity", spec.bulk_viscosity.0);
+        self.not_negative(at("integration.shear_flexibility"), "the shear flexibility", spec.shear_flexibility.0);
         if let RotaryInertiaSpec::Scaled(f) = spec.rotary_inertia {
             self.above_zero(at("integration.rotary_inertia"), "the factor on the rotary inertia", f.0);
+        }
+        self.model.integration = Integration {
+            axial: match spec.axial {
+                AxialSpec::Explicit => AxialScheme::Explicit,
+                AxialSpec::Implicit => AxialScheme::Implicit,
+            },
+            safety,
+            dt: spec.dt.map(f64::from),
+            rotary_inertia: match spec.rotary_inertia {
+                RotaryInertiaSpec::Scaled(f) => RotaryInertiaRule::Scaled(f.0),
+                RotaryInertiaSpec::Physical => RotaryInertiaRule::Physical,
+            },
+            shear_flexibility: spec.shear_flexibility.0,
+            bulk_viscosity: spec.bulk_viscosity.0,
+            monitor_every: spec.monitor_every.max(1),
+            damping: Damping::None,
+        };
+    }
+
+    pub(super) fn add_run(&mut self, scene: &mut Scene) {
+        if let Some((scale, _)) = self.time_scale {
+            if matches!(scene.damping, None | Some(DampingSpec::Auto)) {
+                scene.damping = Some(DampingSpec::Mass(Rate(1.0 / scale)));
+            }
+            if scene.stop == StopSpec::default() {
+                scene.stop = StopSpec { time: Some(Time(100.0 * scale)), steps: None, steady: Some(SteadySpec::default()) };
+            }
+            if let Some(steady) = &mut scene.stop.steady {
+                steady.interval.get_or_insert(Time(scale));
+                steady.earliest.get_or_insert(Time(12.0 * scale));
+            }
         }
         let damping = match *scene.damping.get_or_insert(DampingSpec::None) {
             DampingSpec::None => Damping::None,
@@ -104,22 +125,7 @@ impl Builder<'_> {
                 }
             },
         };
-        let spec = &scene.integration;
-        self.model.integration = Integration {
-            axial: match spec.axial {
-                AxialSpec::Explicit => AxialScheme::Explicit,
-                AxialSpec::Implicit => AxialScheme::Implicit,
-            },
-            safety,
-            dt: spec.dt.map(f64::from),
-            rotary_inertia: match spec.rotary_inertia {
-                RotaryInertiaSpec::Scaled(f) => RotaryInertiaRule::Scaled(f.0),
-                RotaryInertiaSpec::Physical => RotaryInertiaRule::Physical,
-            },
-            damping,
-            bulk_viscosity: spec.bulk_viscosity.0,
-            monitor_every: spec.monitor_every.max(1),
-        };
+        self.model.integration.damping = damping;
         // With a load the stop follows from its time scale, unless something else was wrong before.
         if scene.load.is_none() || self.time_scale.is_some() {
             self.add_stop(&mut scene.stop);

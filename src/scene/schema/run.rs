@@ -50,6 +50,8 @@ pub struct IntegrationSpec {
     pub dt: Option<Time>,
     /// Rotary inertia of beam nodes. Default `Scaled(1)`.
     pub rotary_inertia: RotaryInertiaSpec,
+    /// Least shear flexibility 12 EI / (GA L^2) of beams. Default 0: that of the section.
+    pub shear_flexibility: Ratio,
     /// Linear bulk viscosity of explicit axial elements. Default 0; 0.06 is usual.
     pub bulk_viscosity: Ratio,
     /// Steps between two looks at energies, limits and finiteness. Default 64.
@@ -64,6 +66,7 @@ impl Default for IntegrationSpec {
             safety: Ratio(d.safety),
             dt: None,
             rotary_inertia: RotaryInertiaSpec::Scaled(Ratio(1.0)),
+            shear_flexibility: Ratio(d.shear_flexibility),
             bulk_viscosity: Ratio(d.bulk_viscosity),
             monitor_every: d.monitor_every,
         }

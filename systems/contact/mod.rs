@@ -104,6 +104,7 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.init_resource::<InnerList>();
     cx.world.resource_mut::<Needed>().sources.push(mark);
     cx.world.init_resource::<LiveRecords>();
+    cx.world.init_resource::<StiffnessChanged>();
     cx.world.init_resource::<Requests>();
     cx.world.init_resource::<EnergyLedger>();
     make_list(cx.world);

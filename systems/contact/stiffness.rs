@@ -96,9 +96,9 @@ pub fn resolve(world: &mut World) {
     penalty.point_stiffness = point;
 }
 
-/// Adds the bounds of all records of the list, which covers what may touch before the next one: for K = k n n^t w w^t the
-/// row sums give K <= diag(k |w_i| sum |w_j|). The friction spring has the weights w along the filament and, where
-/// it turns a tangent, others across it.
+/// Adds the bounds of the near records, which are those that may touch before the next look, and before this is asked
+/// again: for K = k n n^t w w^t the row sums give K <= diag(k |w_i| sum |w_j|). The friction spring has the weights w along the filament and, where it turns
+/// a tangent, others across it.
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
     refresh_all(world);
@@ -113,12 +113,12 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let mut spread = Spread::new(lines, masses.len());
     let tangential = if penalty.law.friction > 0.0 { penalty.law.tangential } else { 0.0 };
     let radius = |slot: u32| lines.slots[slot as usize].radius;
-    let (records, states): (Vec<LineRecord>, Vec<LineState>) = line_query.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).unzip();
+    let (records, states): (Vec<LineRecord>, Vec<LineState>) = line_query.iter(world).take(live.near_lines).map(|(r, s)| (*r, *s)).unzip();
     each_line(&still, lines, now, &records, &states, |k, t, stiffness| {
+        let record = &records[k];
         if stiffness == 0.0 {
             return;
         }
-        let record = &records[k];
         spread.node(record.node, 1.0);
         spread.segment(now, record.segment, t);
         spread.image(record.image);
@@ -126,7 +126,7 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
         spread.turn_along(now, record.segment, t);
         spread.add(stiffness * narrow, tangential * stiffness);
     });
-    for (record, state) in point_query.iter(world).take(live.points) {
+    for (record, state) in point_query.iter(world).take(live.near_points) {
         let c = of_point(&still, lines, now, record, state);
         if c.stiffness == 0.0 {
             continue;

@@ -106,7 +106,6 @@ pub fn rebuild(world: &mut World) {
     if outgrown || world.resource::<Requests>().turned {
         make_list(world);
         *world.resource_mut::<Requests>() = Requests::default();
-        world.get_resource_or_init::<StiffnessChanged>().0 = true;
     }
 }
 
@@ -181,7 +180,7 @@ pub fn forces(
     relaxation: Res<Relaxation>,
     (lines, now, search): (Res<Lines>, Res<Centrelines>, Res<Search>),
     (mut penalty, mut requests, mut needed): (ResMut<Penalty>, ResMut<Requests>, ResMut<Needed>),
-    (mut live, mut inner): (ResMut<LiveRecords>, ResMut<InnerList>),
+    (mut live, mut inner, mut changed): (ResMut<LiveRecords>, ResMut<InnerList>, ResMut<StiffnessChanged>),
     mut ledger: ResMut<EnergyLedger>,
     mut line: Query<(&mut LineRecord, &mut LineState, &mut LineForce)>,
     mut point: Query<(&mut PointRecord, &mut PointState, &mut PointForce)>,
@@ -211,5 +210,6 @@ pub fn forces(
         live.near_lines = inner.divide_lines(&search, lr, ls);
         live.near_points = inner.divide_points(&search, pr, ps);
         needed.stale = true;
+        changed.0 = true;
     }
 }

@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Runs `work` with the other threads of the pool watching for jobs all the time instead of falling asleep between
 /// two parallel regions: to wake a thread takes longer than most loops of a step.
 ///
-/// Does nothing for models with fewer than `WORTH` rows, in which no loop is split, and outside of a pool.
+/// Does nothing for models with fewer than `WORTH` rows, in which no loop is split, and outside of a pool. For programs that run
+/// one model at a time in a pool: two that keep each other's threads awake would wait for each other.
 pub fn awake<R>(rows: usize, work: impl FnOnce() -> R) -> R {
     let Some(here) = rayon::current_thread_index().filter(|_| rows >= WORTH && rayon::current_num_threads() > 1) else { return work() };
     /// Lets the others go, also when `work` panics.

@@ -2,7 +2,6 @@
 use crate::components::{InitialPosition, Mass, Position};
 use crate::ledger::EnergyLedger;
 use crate::model::{Model, Steady};
-use crate::parallel;
 use crate::simulation::{Failure, NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
 use crate::systems::energy::LookNow;
@@ -117,8 +116,7 @@ pub fn continue_run(
         observer.sample(sim)?;
         observer.step_done(sim, None)?;
     }
-    let rows = sim.world.resource::<NodeRows>().len();
-    let status = parallel::awake(rows, || go_on(sim, model, sample_interval, observer));
+    let status = go_on(sim, model, sample_interval, observer);
     sim.world.remove_resource::<RunState>();
     status
 }

@@ -5,11 +5,12 @@ use super::{SceneArgs, report, signals};
 use crate::checkpoint::{CheckpointError, Header, Keeper, Orders, SceneHash, Store, store};
 use crate::model::Model;
 use crate::output::{Outcome, Recorder, file, timing};
+use crate::parallel;
 use crate::run::{self, Status, expected_duration};
 use crate::scene::schema::OutputSpec;
 use crate::scene::units::WallTime;
 use crate::scene::{LoadedScene, load};
-use crate::simulation::{Notes, Plugin, Simulation, SimulationError};
+use crate::simulation::{NodeRows, Notes, Plugin, Simulation, SimulationError};
 use crate::step::Clock;
 use clap::Args;
 use std::path::PathBuf;
@@ -133,7 +134,8 @@ pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool) -> Result<
     let folder = recorder.folder().to_owned();
     let mut keeper = Keeper::new(recorder, store, header, resumed, orders, unit);
     let mut watcher = Watcher { keeper: &mut keeper, progress };
-    let ended = run::continue_run(&mut sim, &loaded.model, interval, &mut watcher);
+    let rows = sim.world.resource::<NodeRows>().len();
+    let ended = parallel::awake(rows, || run::continue_run(&mut sim, &loaded.model, interval, &mut watcher));
     watcher.progress.clear();
     if let Some(error) = keeper.error() {
         keeper.give_up(&sim);

@@ -162,7 +162,7 @@ impl Rig {
         if due {
             self.inner.begin(&self.search, &self.lines, &self.now, &self.x, dt);
             self.near =
-                (self.inner.divide_lines(&self.search, &self.lines, &self.now, lr, ls), self.inner.divide_points(&self.search, pr, ps));
+                (self.inner.divide_lines(&self.search, lr, ls), self.inner.divide_points(&self.search, pr, ps));
             self.needed.stale = true;
         }
     }

@@ -241,6 +241,9 @@ pub struct ElementKind {
 /// A function that adds systems, components and resources for a model, if the model needs them.
 pub type Installer = fn(&mut Install<'_>);
 
+/// Fields of a component with their dimensions in the words length, mass, time, force, stress and energy.
+pub type FieldDimensions = &'static [(&'static str, &'static str)];
+
 /// Everything that plugins have added.
 #[derive(Default, Clone)]
 pub struct Registry {
@@ -254,6 +257,8 @@ pub struct Registry {
     pub probes: Vec<ProbeKind>,
     /// Measures of plugins, in the order in which they are taken.
     pub measures: Vec<MeasureKind>,
+    /// Dimensions of the fields of components, by the full name of the component; for who looks at them.
+    pub units: BTreeMap<&'static str, FieldDimensions>,
 }
 
 impl Registry {
@@ -315,9 +320,15 @@ impl Registry {
             along: E::along,
             count: |m| m.elements::<E, N>().len(),
             add_mass: crate::assembly::add_mass::<E, N>,
-            install: crate::assembly::install::<E, N>,
+            install: install::<E, N>,
         });
     }
+}
+
+fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
+    crate::assembly::install::<E, N>(cx);
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_element::<E, N>(cx.world);
 }
 
 fn read_list<E: Element<N>, const N: usize>(text: &str, build: &mut Build<'_>) -> Result<(), ReadError> {

@@ -198,6 +198,12 @@ impl Simulation {
         self.registry.add_measure(kind);
     }
 
+    /// Names the dimensions of the fields of a component, so that whoever looks at it sees units: `("stiffness", "force / length")`.
+    /// The words are length, mass, time, force, stress and energy; a component that is a single value has the field `""`.
+    pub fn add_units<C: Component>(&mut self, fields: crate::registry::FieldDimensions) {
+        self.registry.units.insert(std::any::type_name::<C>(), fields);
+    }
+
     /// Registers a function that adds systems for models that need them.
     pub fn add_installer(&mut self, name: &'static str, installer: Installer) {
         self.registry.installers.push((name, installer));
@@ -365,6 +371,8 @@ impl Simulation {
 
 /// The state of every model, whatever the plugins.
 fn remember_nodes(world: &mut World) {
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_constants(world);
     state::remember_resource::<Clock>(world);
     state::remember_resource::<RunState>(world);
     state::remember::<Position>(world);

@@ -193,6 +193,11 @@ impl Simulation {
         self.registry.add_probe::<P>();
     }
 
+    /// Registers an amplitude: a function of time that scenes may ask for with `Custom(amplitude: ...)`.
+    pub fn add_amplitude<A: crate::registry::CustomAmplitude>(&mut self) {
+        self.registry.add_amplitude::<A>();
+    }
+
     /// Registers a measure: a number that every run reports at its end where `take` gives one.
     pub fn add_measure(&mut self, kind: crate::registry::MeasureKind) {
         self.registry.add_measure(kind);

@@ -33,6 +33,8 @@ pub struct ComponentType {
 pub struct ResourceType {
     /// Short name (`Clock`).
     pub name: String,
+    full: &'static str,
+    saved: fn(&[u8]) -> Option<String>,
     show: fn(&World) -> Option<String>,
     put: fn(&mut World, &str) -> Result<(), String>,
 }
@@ -100,6 +102,8 @@ pub(crate) fn know_resource<R: Resource + Serialize + DeserializeOwned>(world: &
     let id = world.register_component::<R>();
     let resource = ResourceType {
         name: name_of(world, id),
+        full: type_name::<R>(),
+        saved: |bytes| postcard::from_bytes::<Option<R>>(bytes).ok().flatten().as_ref().and_then(text_of),
         show: |world| world.get_resource::<R>().and_then(text_of),
         put: |world, text| {
             let value: R = ron_options().from_str(text).map_err(|e| e.code.to_string())?;
@@ -190,10 +194,13 @@ impl Inspected {
         world.get_resource::<Inspected>().map_or(Vec::new(), |i| i.resources.clone())
     }
 
-    /// The rows of a column of a saved state as texts, if its component is known.
-    pub fn rows(world: &World, full: &str, bytes: &[u8]) -> Option<(String, Vec<String>)> {
-        let c = world.get_resource::<Inspected>()?.components.values().find(|c| c.full == full)?;
-        Some((c.name.clone(), (c.rows?)(bytes)?))
+    /// What a part of a saved state holds, as texts: the rows of a column, or a resource; `None` if it is not known.
+    pub fn saved(world: &World, full: &str, bytes: &[u8]) -> Option<Vec<String>> {
+        let known = world.get_resource::<Inspected>()?;
+        match known.components.values().find(|c| c.full == full) {
+            Some(c) => (c.rows?)(bytes),
+            None => known.resources.iter().find(|r| r.full == full).and_then(|r| (r.saved)(bytes)).map(|text| vec![text]),
+        }
     }
 
     /// Replaces a component of an entity.

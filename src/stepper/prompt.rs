@@ -40,8 +40,9 @@ pub fn run_script(session: &mut Session, file: &str, lines: impl BufRead, out: &
         if line.trim().is_empty() {
             continue;
         }
-        // A closed pipe is no reason to fail.
-        let _ = writeln!(out, "{}{}", session.prompt(), line.trim());
+        // A closed pipe is no reason to fail. Comments stand alone.
+        let prompt = if line.trim_start().starts_with('#') { String::new() } else { session.prompt() };
+        let _ = writeln!(out, "{prompt}{}", line.trim());
         match session.execute(&line).map_err(|e| fail(&line, e))? {
             Reply::Quit => return Ok(()),
             Reply::Text(text) if text.is_empty() => {}
@@ -50,7 +51,6 @@ pub fn run_script(session: &mut Session, file: &str, lines: impl BufRead, out: &
             }
         }
     }
-    let _ = writeln!(out, "{}", session.prompt().trim_end());
     Ok(())
 }
 

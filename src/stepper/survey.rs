@@ -1,7 +1,7 @@
 //! `info`, `top`, `list`, `diff`: the whole model at a glance.
 use super::address::{self, Words};
 use super::commands::snapshot;
-use super::inspect::Inspected;
+use super::inspect::{Inspected, fields};
 use super::reading::looked_at;
 use super::session::Session;
 use super::text::{number, shortened, table, vector};
@@ -247,19 +247,26 @@ pub(super) fn diff(session: &mut Session, mut words: Words<'_>) -> Result<String
     for name in state::differences(&saved.state, &now).map_err(fail)? {
         let short = name.rsplit("::").next().unwrap_or(&name).trim_end_matches('>').to_string();
         let both = a.get(name.as_str()).zip(b.get(name.as_str()));
-        let columns = both.and_then(|(x, y)| Some((Inspected::rows(world, &name, x)?, Inspected::rows(world, &name, y)?)));
-        let said = match columns {
-            Some(((_, x), (_, y))) if x.len() == y.len() => {
+        let texts = both.and_then(|(x, y)| Some((Inspected::saved(world, &name, x)?, Inspected::saved(world, &name, y)?)));
+        let said = match texts {
+            Some((x, y)) if x.len() == y.len() => {
                 let differ: Vec<usize> = (0..x.len()).filter(|i| x[*i] != y[*i]).collect();
-                differ.first().map_or("differs in its bits".into(), |&i| {
-                    format!("{} of {} differ, first number {i}: {} -> {}", differ.len(), x.len(), shortened(&x[i]), shortened(&y[i]))
-                })
+                differ.first().map_or("differs in its bits".into(), |&i| first_difference(&x[i], &y[i], i, differ.len(), x.len()))
             }
-            Some(((_, x), (_, y))) => format!("{} -> {} of them", x.len(), y.len()),
+            Some((x, y)) => format!("{} -> {} of them", x.len(), y.len()),
             None => "differs".into(),
         };
         rows.push((short, said));
     }
     let from = format!("from step {} to {}", saved.step, session.now());
     Ok(if rows.is_empty() { format!("the same bits, {from}") } else { format!("{from}\n{}", table(&rows)) })
+}
+
+/// The first field in which two values differ; which of how many rows they are, where there are several.
+fn first_difference(x: &str, y: &str, row: usize, differ: usize, rows: usize) -> String {
+    let of = if rows > 1 { format!("{differ} of {rows} differ, first number {row}: ") } else { String::new() };
+    let pair = fields(x).into_iter().zip(fields(y)).find(|(a, b)| a.1 != b.1);
+    let ((path, before), (_, after)) = pair.unwrap_or(((String::new(), x.into()), (String::new(), y.into())));
+    let space = if path.is_empty() { "" } else { " " };
+    format!("{of}{path}{space}{} -> {}", shortened(&before), shortened(&after))
 }

@@ -176,7 +176,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     // Amplitudes and generators.
     check(
         message("lab_pulse", "\"lab.pulse\"", "\"lab.puls\""),
-        "a.ron:6:44: amplitudes.kick.amplitude: unknown amplitude of a plugin `lab.puls`\n  help: did you mean `lab.pulse`? known: lab.pulse",
+        "a.ron:6:45: amplitudes.kick.amplitude: unknown amplitude of a plugin `lab.puls`\n  help: did you mean `lab.pulse`? known: lab.pulse",
     );
     check(
         message("lab_pulse", "(duration: \"200 ms\")", "(duration: \"200 mm\")"),
@@ -193,7 +193,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     );
     check(
         message("lab_coil", "material: \"steel\", el", "material: \"stel\", el"),
-        "a.ron:7:93: \"lab.coil\".material: unknown material `stel`\n  help: did you mean `steel`? known: steel",
+        "a.ron:7:91: \"lab.coil\".material: unknown material `stel`\n  help: did you mean `steel`? known: steel",
     );
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }

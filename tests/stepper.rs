@@ -31,7 +31,7 @@ fn all(sim: &mut Simulation) {
 fn session_of(name: &str, text: String) -> Session {
     let sim = Simulation::new(all);
     let loaded = scene::load_text(name, text, &[], &sim.registry).unwrap_or_else(|e| panic!("{e}"));
-    Session::new(sim, loaded, std::sync::Arc::default()).unwrap_or_else(|(_, e)| panic!("{e}"))
+    Session::new(sim, loaded, std::sync::Arc::default()).unwrap_or_else(|e| panic!("{}", e.1))
 }
 
 fn example(name: &str) -> Session {
@@ -157,6 +157,25 @@ fn looking_changes_nothing() {
     say(&mut session, "delete");
     let said = say(&mut session, "diff before");
     assert!(said.starts_with("the same bits"), "{said}");
+}
+
+#[test]
+fn looking_at_contacts_that_carry_forces_changes_nothing_either() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verification/CF07_crossed_rods_small.ron");
+    let text = std::fs::read_to_string(path).expect("a verification scene");
+    let (mut looked, mut blind) = (session_of("rods", text.clone()), session_of("rods", text));
+    say(&mut looked, "watch contact_force by 1e9");
+    say(&mut looked, "break if penetration > 1e9");
+    for _ in 0..4 {
+        say(&mut looked, "step 150");
+        say(&mut blind, "step 150");
+        for line in ["info contacts", "info energy", "print contact 0", "top 1 penetration", "list near node 1", "hash"] {
+            assert!(!say(&mut looked, line).is_empty(), "{line}");
+        }
+        assert_eq!(say(&mut looked, "hash"), say(&mut blind, "hash"));
+    }
+    let touching = say(&mut looked, "print contacts > 0 && contact_force > 0");
+    assert!(touching.ends_with(" = 1"), "{touching}");
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn session(args: &StepArgs, plugins: impl Plugin) -> Result<(), Failure> {
     let loaded = crate::scene::load(&args.scene.scene, &args.scene.sets, &sim.registry)?;
     let interrupt = std::sync::Arc::default();
     super::signals::catch_interrupt(&interrupt);
-    let mut session = Session::new(sim, loaded, interrupt).map_err(|(loaded, e)| Failure::of_start(&loaded, e))?;
+    let mut session = Session::new(sim, loaded, interrupt).map_err(|e| Failure::of_start(&e.0, e.1))?;
     let mut out = std::io::stdout();
     match script {
         Some((file, name)) => run_script(&mut session, &name, BufReader::new(file), &mut out),

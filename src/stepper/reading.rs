@@ -5,6 +5,7 @@
 //! a probe as a scene writes it (`{Displacement(node: 3, component: X)}`).
 use super::address::{self, Words};
 use super::inspect::{Inspected, Kind, field};
+use crate::catalog::PROBES;
 use crate::components::*;
 use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::measure::{Probe, ProbeSpec, Quantity};
@@ -176,7 +177,7 @@ impl Reading {
                 let reading = Reading::Element(place.kind, place.index, words.rest().to_string());
                 reading.value(sim).map_err(|message| SpecError::new(words.rest(), message)).map(|_| reading)
             }
-            Some(_) if name.contains('(') || name.chars().all(char::is_alphanumeric) && name.starts_with(char::is_uppercase) => {
+            Some(_) if name.contains('(') || PROBES.iter().any(|p| p.0 == name) => {
                 let read = scene.scene.units.while_reading(|| ron_options().from_str::<ProbeSpec>(name));
                 let spec = read.map_err(|e| SpecError::new(name, e.code.to_string()))?;
                 spec.resolve(&scene.model, &sim.registry).map(Reading::Probe).map_err(|e| SpecError { path: name.into(), ..e })

@@ -57,10 +57,10 @@ impl Session {
     /// Builds and starts a scene; `interrupt` is set from anywhere to stop a run.
     ///
     /// # Errors
-    /// A model that cannot be built or started.
-    pub fn new(mut sim: Simulation, scene: LoadedScene, interrupt: Arc<AtomicBool>) -> Result<Self, (LoadedScene, SimulationError)> {
+    /// A model that cannot be built or started, with its scene.
+    pub fn new(mut sim: Simulation, scene: LoadedScene, interrupt: Arc<AtomicBool>) -> Result<Self, Box<(LoadedScene, SimulationError)>> {
         if let Err(e) = sim.build(&scene.model).and_then(|()| run::start(&mut sim, &scene.model)) {
-            return Err((scene, e));
+            return Err(Box::new((scene, e)));
         }
         run::begin(&mut sim, &scene.model, NO_SAMPLES);
         let driver = Driver::new(&mut sim);
@@ -80,7 +80,7 @@ impl Session {
         let state = session.sim.save_state().map_err(SimulationError::Model);
         match state {
             Ok(state) => session.past.keep(0, state, true),
-            Err(e) => return Err((session.scene, e)),
+            Err(e) => return Err(Box::new((session.scene, e))),
         }
         Ok(session)
     }

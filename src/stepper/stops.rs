@@ -99,7 +99,8 @@ impl Stop {
                 }
                 self.curve.push((time, now));
                 // A value that is no number any more has changed, too.
-                let changed = now != before && !((now - before).abs() <= *by);
+                let stays = (now - before).abs() <= *by;
+                let changed = now != before && !stays;
                 if changed {
                     self.last = now;
                 }

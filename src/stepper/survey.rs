@@ -258,8 +258,8 @@ pub(super) fn diff(session: &mut Session, mut words: Words<'_>) -> Result<String
         };
         rows.push((short, said));
     }
-    let from = format!("from step {} to {}", saved.step, session.now());
-    Ok(if rows.is_empty() { format!("the same bits, {from}") } else { format!("{from}\n{}", table(&rows)) })
+    let from = format!("step {} saved; now {}", saved.step, session.now());
+    Ok(if rows.is_empty() { format!("the same bits: {from}") } else { format!("{from}\n{}", table(&rows)) })
 }
 
 /// The first field in which two values differ; which of how many rows they are, where there are several.

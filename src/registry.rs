@@ -389,6 +389,7 @@ impl Registry {
     /// If the name is taken: two plugins claim the same scene key.
     pub fn add_element<E: Element<N>, const N: usize>(&mut self) {
         assert!(self.element(E::NAME).is_none(), "element `{}` is registered twice", E::NAME);
+        self.units.insert(std::any::type_name::<crate::element::EndForces<E, N>>(), &[("force", "force"), ("moment", "force x length")]);
         self.elements.push(ElementKind {
             name: E::NAME,
             about: E::ABOUT,

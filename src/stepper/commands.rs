@@ -3,7 +3,7 @@ use super::address::Words;
 use super::past::Past;
 use super::session::{Session, Snapshot, Until};
 use super::stops::{On, Stop};
-use super::text::{number, table};
+use super::text::{quantity, table};
 use super::{pictures, print, survey};
 use crate::output::summary::state_hash;
 use crate::registry::SpecError;
@@ -166,8 +166,8 @@ fn go_on(session: &mut Session, mut words: Words<'_>) -> Answer {
 fn back(session: &mut Session, mut words: Words<'_>) -> Answer {
     let count: u64 = words.number_or("a number of steps", 1)?;
     words.end()?;
-    // Within a step its number counts already: one step back is its beginning.
-    let now = session.clock().step;
+    // A step that has begun counts: one step back is its beginning.
+    let now = session.step();
     let to = now
         .checked_sub(count)
         .ok_or_else(|| SpecError::new("", format!("the run began {now} steps ago")).help(format!("`back {now}` goes to its start")))?;
@@ -314,6 +314,6 @@ impl Session {
     /// Time and step in words.
     pub(super) fn now(&self) -> String {
         let clock = self.clock();
-        format!("step {}, t = {} {}", clock.step, number(clock.time), self.scene.scene.units.time())
+        format!("step {}, t = {}", clock.step, quantity(clock.time, self.scene.scene.units.time()))
     }
 }

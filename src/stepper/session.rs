@@ -3,7 +3,8 @@ use super::drive::Driver;
 use super::expression::Expression;
 use super::past::Past;
 use super::stops::{On, Stop};
-use super::text::number;
+use super::text::{number, quantity};
+use crate::output::measured::unit;
 use crate::registry::SpecError;
 use crate::run::{self, Due};
 use crate::scene::LoadedScene;
@@ -30,8 +31,8 @@ pub struct Session {
     pub(super) snapshots: BTreeMap<String, Snapshot>,
     /// Step from which on the run is not that of the scene any more, because somebody changed something.
     pub(super) modified: Option<u64>,
-    /// Within a step: what it has to look at.
-    due: Option<Due>,
+    /// Within a step: what it has to look at, and the steps that were complete before it.
+    due: Option<(Due, u64)>,
     /// Step at which the run of the scene has ended, once that was said.
     ended: Option<u64>,
     interrupt: Arc<AtomicBool>,
@@ -95,6 +96,11 @@ impl Session {
         self.due.is_none()
     }
 
+    /// The step that is complete, or the one that has begun.
+    pub(super) fn step(&self) -> u64 {
+        self.due.map_or(self.clock().step, |(_, complete)| complete + 1)
+    }
+
     /// What has gone wrong in the run, if something has.
     pub(super) fn failure(&self) -> Option<&String> {
         self.sim.world.resource::<Failure>().0.as_ref()
@@ -105,7 +111,7 @@ impl Session {
         let clock = self.clock();
         let next = self.driver.names().nth(self.driver.next(&self.sim)).unwrap_or_default();
         let modified = if self.modified.is_some() { " (modified)" } else { "" };
-        format!("step {}  t {} {}  next {next}{modified} > ", clock.step, number(clock.time), self.scene.scene.units.time())
+        format!("step {}  t {}  next {next}{modified} > ", clock.step, quantity(clock.time, self.scene.scene.units.time()))
     }
 
     /// Names of the systems in their order.
@@ -196,7 +202,8 @@ impl Session {
 
     fn open_step(&mut self) {
         if self.due.is_none() {
-            self.due = Some(run::due(&mut self.sim, &self.scene.model));
+            let complete = self.clock().step;
+            self.due = Some((run::due(&mut self.sim, &self.scene.model), complete));
         }
     }
 
@@ -206,7 +213,7 @@ impl Session {
             let clock = self.clock();
             return Ok(Some(format!("failed in step {}, t = {}: {message}", clock.step, number(clock.time))));
         }
-        let Some(due) = self.due.filter(|_| self.driver.next(&self.sim) == 0) else { return Ok(None) };
+        let Some((due, _)) = self.due.filter(|_| self.driver.next(&self.sim) == 0) else { return Ok(None) };
         self.due = None;
         let ended = run::ended(&mut self.sim, &self.scene.model, due, NO_SAMPLES);
         let step = self.clock().step;
@@ -302,7 +309,6 @@ impl Session {
 
     /// A value with its unit where that is known.
     pub(super) fn with_unit(&self, e: &Expression, value: f64) -> String {
-        let unit = e.quantity().map(|q| crate::output::measured::unit(q, self.scene.scene.units)).filter(|u| u != "-").unwrap_or_default();
-        format!("{} {unit}", number(value)).trim_end().to_string()
+        quantity(value, &e.quantity().map_or(String::new(), |q| unit(q, self.scene.scene.units)))
     }
 }

@@ -1,6 +1,6 @@
 //! What a run stops at: systems, times, steps, conditions, and values that change.
 use super::expression::Expression;
-use super::text::number;
+use super::text::{number, quantity};
 use crate::output::measured::unit;
 use crate::scene::LoadedScene;
 use crate::simulation::Simulation;
@@ -105,8 +105,7 @@ impl Stop {
                     self.last = now;
                 }
                 let unit = e.quantity().map_or(String::new(), |q| unit(q, scene.scene.units));
-                let text = || format!("{}: {} -> {} {unit}", e.text, number(before), number(now));
-                changed.then(|| text().trim_end_matches(['-', ' ']).to_string())
+                changed.then(|| format!("{}: {} -> {}", e.text, number(before), quantity(now, &unit)))
             }
         };
         Ok(said.map(|text| format!("stop {}: {text}", self.number)))

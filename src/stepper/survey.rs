@@ -4,7 +4,7 @@ use super::commands::snapshot;
 use super::inspect::{Inspected, fields};
 use super::reading::looked_at;
 use super::session::Session;
-use super::text::{number, shortened, table, vector};
+use super::text::{number, quantity, shortened, table, vector};
 use crate::assembly::{KindReports, node_states};
 use crate::components::*;
 use crate::ledger::{ContactSummary, EnergyLedger};
@@ -27,13 +27,13 @@ pub(super) fn info(session: &mut Session, mut words: Words<'_>) -> Result<String
     let rows: Vec<(String, String)> = match topic {
         "time" => vec![
             ("step".into(), clock.step.to_string()),
-            ("time".into(), format!("{} {}", number(clock.time), units.time())),
+            ("time".into(), quantity(clock.time, units.time())),
             ("within a step".into(), if session.between_steps() { "no" } else { "yes" }.into()),
             ("modified".into(), session.modified.map_or("no".into(), |s| format!("since step {s}"))),
             ("failed".into(), session.failure().cloned().unwrap_or("no".into())),
         ],
         "dt" => [("last step", clock.dt), ("next step", clock.dt_next), ("wanted", clock.dt_target), ("stable limit", clock.dt_limit)]
-            .map(|(name, v)| (name.into(), format!("{} {}", number(v), units.time())))
+            .map(|(name, v)| (name.into(), quantity(v, units.time())))
             .into_iter()
             .chain([("limited by".into(), clock.limited_by)])
             .collect(),
@@ -50,7 +50,7 @@ pub(super) fn info(session: &mut Session, mut words: Words<'_>) -> Result<String
                 ("axial", e.axial),
                 ("imbalance", e.imbalance()),
             ];
-            terms.map(|(name, v)| (name.into(), format!("{} {}", number(v), units.energy()))).into()
+            terms.map(|(name, v)| (name.into(), quantity(v, units.energy()))).into()
         }),
         "systems" => {
             let next = session.driver.next(&session.sim);
@@ -89,8 +89,8 @@ fn contacts(session: &mut Session) -> Vec<(String, String)> {
     let mut rows: Vec<(String, String)> = names.into_iter().zip(records).map(|(name, n)| (name.into(), n.to_string())).collect();
     rows.extend([
         ("with a force".into(), c.active.to_string()),
-        ("sum of normal forces".into(), format!("{} {}", number(c.total_force), units.force())),
-        ("largest normal force".into(), format!("{} {}", number(c.max_force), units.force())),
+        ("sum of normal forces".into(), quantity(c.total_force, units.force())),
+        ("largest normal force".into(), quantity(c.max_force, units.force())),
         ("largest penetration / radius".into(), number(c.max_penetration_to_radius)),
         ("lists made".into(), c.rebuilds.to_string()),
     ]);
@@ -137,13 +137,14 @@ pub(super) fn top(session: &mut Session, mut words: Words<'_>) -> Result<String,
         }
         "strain" => along_lines(session, 2, |now, start| now[0].distance(now[1]) / start[0].distance(start[1]) - 1.0, "since the start"),
         "curvature" => {
-            let unit = format!("1/{}", session.scene.scene.units.length());
+            let unit = session.scene.scene.units.length();
+            let unit = if unit == "-" { String::new() } else { format!("1/{unit}") };
             along_lines(session, 3, |now, _| bend(now), &unit)
         }
         other => return Err(SpecError::unknown(other, "quantity to rank", other, WHAT)),
     };
     all.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    let rows: Vec<(String, String)> = all.into_iter().take(count).map(|(v, name)| (format!("{} {unit}", number(v)), name)).collect();
+    let rows: Vec<(String, String)> = all.into_iter().take(count).map(|(v, name)| (quantity(v, &unit), name)).collect();
     Ok(if rows.is_empty() { "none".into() } else { table(&rows) })
 }
 

@@ -15,6 +15,11 @@ pub fn number(v: f64) -> String {
     }
 }
 
+/// A number with its unit, if it has one.
+pub fn quantity(v: f64, unit: &str) -> String {
+    if unit.is_empty() || unit == "-" { number(v) } else { format!("{} {unit}", number(v)) }
+}
+
 /// A vector.
 pub fn vector(v: DVec3) -> String {
     format!("({}, {}, {})", number(v.x), number(v.y), number(v.z))

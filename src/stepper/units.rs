@@ -6,6 +6,8 @@ use crate::scene::units::UnitSystem;
 /// field (`before[1]`) have that of the field.
 pub fn unit_of(registry: &Registry, system: UnitSystem, component: &str, path: &str) -> String {
     let fields = registry.units.get(component).copied().unwrap_or_default();
+    // Of a list every item has the fields.
+    let path = if path.starts_with('[') { path.split_once("].").map_or(path, |(_, rest)| rest) } else { path };
     let part_of = |field: &str| path.strip_prefix(field).is_some_and(|rest| rest.is_empty() || rest.starts_with(['[', '.']));
     let found = fields.iter().find(|(field, _)| *field == path || !field.is_empty() && part_of(field));
     found.map_or(String::new(), |(_, dimension)| written(dimension, system))

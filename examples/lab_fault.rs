@@ -19,6 +19,7 @@ fn main() -> ExitCode {
 /// Registers the foundation.
 pub fn plugin(sim: &mut Simulation) {
     sim.add_settings::<Foundation>();
+    sim.add_units::<Springs>(&[("stiffness", "force / length"), ("energy", "energy")]);
     sim.add_installer("lab.foundation", install);
 }
 

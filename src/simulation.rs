@@ -203,7 +203,7 @@ impl Simulation {
         self.registry.add_measure(kind);
     }
 
-    /// Names the dimensions of the fields of a component, so that whoever looks at it sees units: `("stiffness", "force / length")`.
+    /// Names the dimensions of the fields of a component or a resource, so that whoever looks at it sees units: `("stiffness", "force / length")`.
     /// The words are length, mass, time, force, stress and energy; a component that is a single value has the field `""`.
     pub fn add_units<C: Component>(&mut self, fields: crate::registry::FieldDimensions) {
         self.registry.units.insert(std::any::type_name::<C>(), fields);

@@ -1,4 +1,4 @@
-//! Units of what nodes and elements store, for whoever looks at it.
+//! Units of what nodes, elements and the engine store, for whoever looks at it.
 use crate::systems::beam::Beam;
 use crate::systems::bending::Bending;
 use crate::systems::contact::records::{LineForce, LineState, PointForce, PointState};
@@ -8,6 +8,17 @@ use braid_ecs::prelude::*;
 
 /// Names the dimensions of all fields that have one.
 pub fn plugin(sim: &mut Simulation) {
+    sim.add_units::<Clock>(&[("time", "time"), ("dt", "time"), ("dt_next", "time"), ("dt_target", "time"), ("dt_limit", "time")]);
+    sim.add_units::<EnergyLedger>(&[
+        ("initial", "energy"),
+        ("external_work", "energy"),
+        ("kinetic", "energy"),
+        ("strain", "energy"),
+        ("contact", "energy"),
+        ("friction", "energy"),
+        ("damping", "energy"),
+        ("axial", "energy"),
+    ]);
     sim.add_units::<Position>(&[("", "length")]);
     sim.add_units::<InitialPosition>(&[("", "length")]);
     sim.add_units::<Velocity>(&[("", "length / time")]);

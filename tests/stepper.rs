@@ -138,12 +138,15 @@ fn looking_changes_nothing() {
         "info breaks",
         "info contacts",
         "info mesh",
+        "info stored",
         "info memory",
         "print tow 1 fil 2 node 3",
         "print element 0",
         "print tie 0",
         "print dummy 0",
         "print EnergyLedger",
+        "print Tension 0",
+        "print Clock",
         "print kinetic",
         "top 3 speed",
         "top 3 force",
@@ -197,6 +200,14 @@ fn components_and_resources_are_shown_by_name_with_units() {
     {
         assert!(node.contains(part), "{part}\n{node}");
     }
+    let clock = say(&mut session, "print Clock");
+    assert!(clock.lines().any(|l| l.starts_with("  Clock.dt_next ") && l.ends_with(" s")), "{clock}");
+    let stored = say(&mut session, "info stored");
+    let listed = |name: &str, what: &str| stored.lines().any(|l| l.starts_with(&format!("  {name} ")) && l.ends_with(what));
+    assert!(listed("Spring", "component, 1") && listed("Position", "component, 2") && listed("EnergyLedger", "resource"), "{stored}");
+    // The same entity, found by its component.
+    let found = say(&mut session, "print Spring 0");
+    assert_eq!(found.lines().skip(1).collect::<Vec<_>>(), spring.lines().skip(1).collect::<Vec<_>>());
 }
 
 #[test]

@@ -54,11 +54,11 @@ const COMMANDS: [Command; 22] = [
     ),
     command("watch", "w", "EXPR [by CHANGE]", "stop when a value changes by more than CHANGE (0), and keep its curve", watch),
     command("delete", "d", "[N]", "delete a stop, or all", delete),
-    command("info", "i", "time | dt | energy | systems | breaks | contacts | mesh | memory", "tell about the run", survey::info),
+    command("info", "i", "time | dt | energy | systems | breaks | contacts | mesh | stored | memory", "tell about the run", survey::info),
     command(
         "print",
         "p",
-        "node ... | tow T fil F node N [x v f m w] | element [KIND] N | tie N | dummy N | contact N | RESOURCE | EXPR",
+        "node ... | tow T fil F node N [x v f m w] | element [KIND] N | tie N | dummy N | contact N | COMPONENT N | RESOURCE | EXPR",
         "all components of something, a resource, or a value",
         print::print,
     ),

@@ -23,6 +23,8 @@ pub struct ComponentType {
     pub name: String,
     /// Name with its path, which is its own.
     pub full: &'static str,
+    /// The entities that have it, in order.
+    pub members: fn(&mut World) -> Vec<Entity>,
     show: fn(EntityRef<'_>) -> Option<String>,
     put: Option<fn(&mut World, Entity, &str) -> Result<(), String>>,
     rows: Option<fn(&[u8]) -> Option<Vec<String>>>,
@@ -33,7 +35,8 @@ pub struct ComponentType {
 pub struct ResourceType {
     /// Short name (`Clock`).
     pub name: String,
-    full: &'static str,
+    /// Name with its path, which is its own.
+    pub full: &'static str,
     saved: fn(&[u8]) -> Option<String>,
     show: fn(&World) -> Option<String>,
     put: fn(&mut World, &str) -> Result<(), String>,
@@ -88,13 +91,20 @@ fn rows<C: Serialize + DeserializeOwned>(bytes: &[u8]) -> Option<Vec<String>> {
 /// A component that can be shown and set.
 pub(crate) fn know_component<C: Component<Mutability = Mutable> + Serialize + DeserializeOwned>(world: &mut World) {
     let id = world.register_component::<C>();
-    know(world, id, |name| ComponentType { name, full: type_name::<C>(), show: show::<C>, put: Some(put::<C>), rows: Some(rows::<C>) });
+    know(world, id, |name| ComponentType {
+        name,
+        full: type_name::<C>(),
+        members: members::<C>,
+        show: show::<C>,
+        put: Some(put::<C>),
+        rows: Some(rows::<C>),
+    });
 }
 
 /// A component that can be shown.
 fn know_constant<C: Component + Serialize>(world: &mut World) {
     let id = world.register_component::<C>();
-    know(world, id, |name| ComponentType { name, full: type_name::<C>(), show: show::<C>, put: None, rows: None });
+    know(world, id, |name| ComponentType { name, full: type_name::<C>(), members: members::<C>, show: show::<C>, put: None, rows: None });
 }
 
 /// A resource that can be shown and set.
@@ -139,6 +149,7 @@ pub(crate) fn know_element<E: Element<N>, const N: usize>(world: &mut World) {
     know(world, id, |_| ComponentType {
         name: "EndForces".into(),
         full: type_name::<EndForces<E, N>>(),
+        members: members::<E>,
         show: show_end_forces::<E, N>,
         put: None,
         rows: None,
@@ -187,6 +198,11 @@ impl Inspected {
     /// The kinds of element in the model, in registration order.
     pub fn kinds(world: &World) -> Vec<Kind> {
         world.get_resource::<Inspected>().map_or(Vec::new(), |i| i.kinds.clone())
+    }
+
+    /// All types of components.
+    pub fn components(world: &World) -> Vec<ComponentType> {
+        world.get_resource::<Inspected>().map_or(Vec::new(), |i| i.components.values().cloned().collect())
     }
 
     /// All resources.

@@ -89,20 +89,31 @@ pub(super) fn print(session: &mut Session, mut words: Words<'_>) -> Result<Strin
             Ok(session.components(format!("contact {n}, {}", flat[n].0), flat[n].1, |_| true))
         }
         Some(word) => {
-            let resource =
-                Inspected::resources(&session.sim.world).into_iter().find(|r| r.name.eq_ignore_ascii_case(word) && words.rest() == word);
+            let resource = Inspected::resources(&session.sim.world).into_iter().find(|r| r.name == word && words.rest() == word);
             match resource {
                 Some(r) => match r.text(&session.sim.world) {
                     Some(text) => {
-                        let shown = Shown { name: r.name.clone(), full: "", text: Some(text) };
+                        let shown = Shown { name: r.name.clone(), full: r.full, text: Some(text) };
                         Ok(table(&session.rows_of(&shown)))
                     }
                     None => Ok(format!("{} is not there now", r.name)),
                 },
-                None => value(session, words.rest()),
+                None => match stored(session, words.clone())? {
+                    Some(said) => Ok(said),
+                    None => value(session, words.rest()),
+                },
             }
         }
     }
+}
+
+/// Reads `COMPONENT N`: everything of the entity with number N among those that have this component.
+fn stored(session: &mut Session, mut words: Words<'_>) -> Result<Option<String>, SpecError> {
+    let types = Inspected::components(&session.sim.world);
+    let Some(component) = words.next().and_then(|name| types.into_iter().find(|c| c.name == name)) else { return Ok(None) };
+    let all = (component.members)(&mut session.sim.world);
+    let n = numbered(&mut words, &component.name, all.len())?;
+    Ok(Some(session.components(format!("{} {n}", component.name), all[n], |_| true)))
 }
 
 fn value(session: &mut Session, text: &str) -> Result<String, SpecError> {
@@ -110,9 +121,11 @@ fn value(session: &mut Session, text: &str) -> Result<String, SpecError> {
     let expression = read.map_err(|e| {
         let bare = text.chars().all(|c| c.is_alphanumeric() || c == '_');
         if bare && e.message.starts_with("unknown quantity") {
-            let resources: Vec<String> = Inspected::resources(&session.sim.world).into_iter().map(|r| r.name).collect();
+            let world = &session.sim.world;
+            let resources = Inspected::resources(world).into_iter().map(|r| r.name);
+            let stored: Vec<String> = resources.chain(Inspected::components(world).into_iter().map(|c| c.name)).collect();
             let things = ["node", "tow", "element", "tie", "dummy", "contact"];
-            let known = things.into_iter().chain(super::reading::Word::ALL.iter().map(|w| w.0)).chain(resources.iter().map(String::as_str));
+            let known = things.into_iter().chain(super::reading::Word::ALL.iter().map(|w| w.0)).chain(stored.iter().map(String::as_str));
             return SpecError::unknown(text, "thing", text, known);
         }
         e

@@ -105,6 +105,9 @@ impl Guide {
         };
         found.sort();
         found.dedup();
+        if let [only] = &mut found[..] {
+            only.push(' ');
+        }
         (start, found)
     }
 }
@@ -131,10 +134,10 @@ mod tests {
     #[test]
     fn commands_words_and_systems_are_completed() {
         let guide = Guide { systems: vec!["kick_velocities".into(), "kick_spins".into()] };
-        assert_eq!(guide.candidates("st"), (0, vec!["step".to_string()]));
-        assert_eq!(guide.candidates("break kick_s"), (6, vec!["kick_spins".to_string()]));
-        assert_eq!(guide.candidates("info en").1, ["energy"]);
-        assert_eq!(guide.candidates("top 3 sp").1, ["speed"]);
+        assert_eq!(guide.candidates("st"), (0, vec!["step ".to_string()]));
+        assert_eq!(guide.candidates("break kick_s"), (6, vec!["kick_spins ".to_string()]));
+        assert_eq!(guide.candidates("info en").1, ["energy "]);
+        assert_eq!(guide.candidates("top 3 sp").1, ["speed "]);
         assert!(guide.candidates("xyz ").1.is_empty());
     }
 

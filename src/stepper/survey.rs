@@ -16,7 +16,7 @@ use crate::systems::contact::{ContactKind, ContactReport, all_contacts};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-const TOPICS: [&str; 8] = ["time", "dt", "energy", "systems", "breaks", "contacts", "mesh", "memory"];
+const TOPICS: [&str; 9] = ["time", "dt", "energy", "systems", "breaks", "contacts", "mesh", "stored", "memory"];
 
 /// `info TOPIC`
 pub(super) fn info(session: &mut Session, mut words: Words<'_>) -> Result<String, SpecError> {
@@ -63,6 +63,7 @@ pub(super) fn info(session: &mut Session, mut words: Words<'_>) -> Result<String
         }
         "contacts" => contacts(session),
         "mesh" => mesh(session),
+        "stored" => stored(session),
         "memory" => {
             let mib = |bytes: usize| format!("{:.2} MiB", bytes as f64 / f64::from(1 << 20));
             let named: usize = session.snapshots.values().map(|s| s.state.len()).sum();
@@ -111,6 +112,17 @@ fn mesh(session: &mut Session) -> Vec<(String, String)> {
         rows.push((format!("elements {}", kind.name), format!("{count}, from {first}")));
         first += count;
     }
+    rows
+}
+
+/// Everything that `print` knows by name: components with the number of entities that have them, resources.
+fn stored(session: &mut Session) -> Vec<(String, String)> {
+    let world = &mut session.sim.world;
+    let components = Inspected::components(world).into_iter().map(|c| (c.name, (c.members)(world).len())).filter(|c| c.1 > 0);
+    let mut rows: Vec<(String, String)> = components.map(|(name, n)| (name, format!("component, {n}"))).collect();
+    let world = &session.sim.world;
+    rows.extend(Inspected::resources(world).into_iter().filter(|r| r.text(world).is_some()).map(|r| (r.name, "resource".to_string())));
+    rows.sort();
     rows
 }
 
@@ -210,7 +222,7 @@ pub(super) fn list(session: &mut Session, mut words: Words<'_>) -> Result<String
             let mut n = 0;
             (k.sections)(&mut session.sim.world, &mut |rows, force| {
                 if rows.contains(&(row as u32)) {
-                    elements.push((format!("element {} {n}", k.name), format!("axial force {}", number(force.axial))));
+                    elements.push((format!("{} {n}", k.name), format!("axial force {}", number(force.axial))));
                 }
                 n += 1;
             });

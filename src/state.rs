@@ -69,6 +69,8 @@ impl Install<'_> {
 
     /// Saves what changes of a resource.
     pub fn remember_part<R: Kept>(&mut self) {
+        #[cfg(debug_assertions)]
+        crate::stepper::inspect::know_part::<R>(self.world);
         let part = Part { name: std::any::type_name::<R>, save: save_part::<R>, load: load_part::<R>, grow: None };
         self.world.get_resource_or_init::<StateParts>().push(part);
     }

@@ -8,6 +8,7 @@ use crate::components::*;
 use crate::element::{Element, EndForces, NodeForce};
 use crate::scene::ron_options;
 use crate::scene::spans::{Path, Step, Value, tree};
+use crate::state::Kept;
 use bevy_ecs::component::{ComponentId, Mutable};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -121,8 +122,29 @@ pub(crate) fn know_resource<R: Resource + Serialize + DeserializeOwned>(world: &
             Ok(())
         },
     };
+    add_resource(world, resource);
+}
+
+/// A resource of which a part is remembered: that part can be shown and set.
+pub(crate) fn know_part<R: Kept>(world: &mut World) {
+    let id = world.register_component::<R>();
+    let resource = ResourceType {
+        name: name_of(world, id),
+        full: type_name::<R>(),
+        saved: |bytes| postcard::from_bytes::<R::State>(bytes).ok().as_ref().and_then(text_of),
+        show: |world| world.get_resource::<R>().and_then(|r| text_of(&r.state())),
+        put: |world, text| {
+            let state = ron_options().from_str(text).map_err(|e| e.code.to_string())?;
+            world.get_resource_mut::<R>().ok_or("it is not there now")?.put_back(state);
+            Ok(())
+        },
+    };
+    add_resource(world, resource);
+}
+
+fn add_resource(world: &mut World, resource: ResourceType) {
     let known = &mut world.get_resource_or_init::<Inspected>().resources;
-    if known.iter().all(|k| k.name != resource.name) {
+    if known.iter().all(|k| k.full != resource.full) {
         known.push(resource);
     }
 }

@@ -75,9 +75,9 @@ const COMMANDS: [Command; 22] = [
     command("restore", "", "NAME", "go to a remembered state; the way back begins there", restore),
     command("diff", "", "NAME", "what differs from a remembered state", survey::diff),
     command("hash", "", "", "fingerprint of positions, velocities and orientations", hash),
-    command("plot", "", "FILE.svg", "draw the curves of all watches", pictures::plot),
-    command("render", "", "FILE.png", "draw the filaments", pictures::render),
-    command("frame", "", "FILE.vtp", "write a frame for ParaView", pictures::frame),
+    command("plot", "", "[FILE.svg]", "draw the curves of all watches", pictures::plot),
+    command("render", "", "[FILE.png]", "draw the filaments", pictures::render),
+    command("frame", "", "[FILE.vtp]", "write a frame for ParaView", pictures::frame),
     command("help", "h", "[COMMAND]", "this list, or one command", help),
     command("quit", "q", "", "leave", |_, _| Ok(String::new())),
 ];

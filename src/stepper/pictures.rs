@@ -15,9 +15,10 @@ use std::path::PathBuf;
 const PICTURE: (u32, u32) = (1200, 800);
 const DIAGRAM: (u32, u32) = (900, 300);
 
-/// The file to write; one that is there is left alone.
-fn file(words: &mut Words<'_>, ending: &str) -> Result<PathBuf, SpecError> {
-    let name = words.next().ok_or_else(|| SpecError::new("", "the file is missing").help(format!("for example picture.{ending}")))?;
+/// The file to write, by default named after scene and step; one that is there is left alone.
+fn file(session: &Session, mut words: Words<'_>, ending: &str) -> Result<PathBuf, SpecError> {
+    let default = format!("{}_step{}.{ending}", session.scene.name(), session.step());
+    let name = words.next().unwrap_or(&default);
     words.end()?;
     let path = PathBuf::from(name);
     if path.extension().is_none_or(|e| e != ending) {
@@ -47,9 +48,9 @@ impl Session {
     }
 }
 
-/// `plot FILE.svg`
-pub(super) fn plot(session: &mut Session, mut words: Words<'_>) -> Result<String, SpecError> {
-    let path = file(&mut words, "svg")?;
+/// `plot [FILE.svg]`
+pub(super) fn plot(session: &mut Session, words: Words<'_>) -> Result<String, SpecError> {
+    let path = file(session, words, "svg")?;
     let units = session.scene.scene.units;
     let watches =
         session.stops.iter().filter_map(|s| if let On::Watch { expression, .. } = &s.on { Some((expression, &s.curve)) } else { None });
@@ -77,9 +78,9 @@ fn lines(session: &mut Session) -> Result<Lines, SpecError> {
     if lines.lines.is_empty() { Err(SpecError::new("", "the scene has no lines to draw")) } else { Ok(lines) }
 }
 
-/// `render FILE.png`
-pub(super) fn render(session: &mut Session, mut words: Words<'_>) -> Result<String, SpecError> {
-    let path = file(&mut words, "png")?;
+/// `render [FILE.png]`
+pub(super) fn render(session: &mut Session, words: Words<'_>) -> Result<String, SpecError> {
+    let path = file(session, words, "png")?;
     let lines = lines(session)?;
     let scenery = Scenery::of(&session.scene.model, &lines, surfaces(&session.scene.model), &session.sim);
     let provenance = session.provenance();
@@ -89,9 +90,9 @@ pub(super) fn render(session: &mut Session, mut words: Words<'_>) -> Result<Stri
     Ok(format!("{} lines in {}", lines.lines.len(), path.display()))
 }
 
-/// `frame FILE.vtp`
-pub(super) fn frame(session: &mut Session, mut words: Words<'_>) -> Result<String, SpecError> {
-    let path = file(&mut words, "vtp")?;
+/// `frame [FILE.vtp]`
+pub(super) fn frame(session: &mut Session, words: Words<'_>) -> Result<String, SpecError> {
+    let path = file(session, words, "vtp")?;
     let lines = lines(session)?;
     let (provenance, time) = (session.provenance(), session.clock().time);
     vtp::write(&path, &frame::frame(&lines, &mut session.sim.world, &provenance), time).map_err(fail)?;

@@ -153,7 +153,7 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
         out: &mut [EndForces<Self, N>],
     ) {
         for ((element, rows), out) in elements.iter_mut().zip(rows).zip(out) {
-            out.0 = element.internal_force(rows.0.map(state));
+            out.0 = element.internal_force(std::array::from_fn(|end| state(rows.0[end])));
         }
     }
 

@@ -1,4 +1,5 @@
 //! Amplitudes: how loads and prescribed motions grow in time.
+use std::sync::Arc;
 
 /// A function of time by which a load or a prescribed motion is multiplied.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +26,24 @@ pub enum Amplitude {
         /// Phase (radian).
         phase: f64,
     },
+    /// A function of a plugin.
+    Custom(Function),
+}
+
+/// A function of time of a plugin: its value at a time.
+#[derive(Clone)]
+pub struct Function(pub Arc<dyn Fn(f64) -> f64 + Send + Sync>);
+
+impl PartialEq for Function {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl std::fmt::Debug for Function {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Function")
+    }
 }
 
 impl Amplitude {
@@ -53,6 +72,7 @@ impl Amplitude {
                 }
             }
             Amplitude::Sine { frequency, phase } => (std::f64::consts::TAU * frequency * t + phase).sin(),
+            Amplitude::Custom(function) => (function.0)(t),
         }
     }
 }

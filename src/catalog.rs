@@ -1,5 +1,5 @@
 //! Everything that a scene may name, with one sentence each: what `braid-ecs plugins` lists.
-use crate::registry::Registry;
+use crate::registry::{Registry, SettingsKind};
 use serde::Serialize;
 
 /// What kind of thing a name stands for.
@@ -10,6 +10,8 @@ pub enum Group {
     Element,
     /// A section of the scene that a plugin reads.
     Settings,
+    /// A section of the scene from which a plugin makes filaments.
+    Generator,
     /// A choice of `probes`; those of plugins are named in `Custom(probe: ...)`.
     Probe,
     /// A number reported at the end of every run that has it.
@@ -20,13 +22,14 @@ pub enum Group {
 
 impl Group {
     /// All groups, in the order in which they are listed.
-    pub const ALL: [Group; 5] = [Group::Element, Group::Settings, Group::Probe, Group::Measure, Group::Amplitude];
+    pub const ALL: [Group; 6] = [Group::Element, Group::Settings, Group::Generator, Group::Probe, Group::Measure, Group::Amplitude];
 
     /// Heading of the list.
     pub fn title(self) -> &'static str {
         match self {
             Group::Element => "elements",
             Group::Settings => "settings",
+            Group::Generator => "generators of plugins",
             Group::Probe => "probes",
             Group::Measure => "measures",
             Group::Amplitude => "amplitudes",
@@ -79,12 +82,13 @@ pub const PROBES: [(&str, &str); 22] = [
 ];
 
 /// Amplitudes of the program, with one sentence each.
-pub const AMPLITUDES: [(&str, &str); 5] = [
+pub const AMPLITUDES: [(&str, &str); 6] = [
     ("Constant", "always 1"),
     ("SmoothStep", "from 0 to 1 with zero velocity and acceleration at both ends"),
     ("Ramp", "from 0 to 1 in a straight line"),
     ("Table", "straight lines between points, constant outside"),
     ("Sine", "sin(2 pi f t + phase)"),
+    ("Custom", "an amplitude of a plugin, by its name"),
 ];
 
 impl Registry {
@@ -93,10 +97,12 @@ impl Registry {
     pub fn catalog(&self) -> Vec<Entry> {
         let entry = |group| move |(name, about): (&'static str, &'static str)| Entry { group, name, about };
         let elements = self.elements.iter().map(|k| (k.name, k.about)).map(entry(Group::Element));
-        let settings = self.settings.iter().map(|k| (k.key, k.about)).map(entry(Group::Settings));
+        let group_of = |k: &SettingsKind| if k.generate.is_some() { Group::Generator } else { Group::Settings };
+        let mut settings: Vec<Entry> = self.settings.iter().map(|k| Entry { group: group_of(k), name: k.key, about: k.about }).collect();
+        settings.sort_by_key(|e| e.group);
         let probes = PROBES.into_iter().chain(self.probes.iter().map(|k| (k.name, k.about))).map(entry(Group::Probe));
         let measures = MEASURES.into_iter().chain(self.measures.iter().map(|k| (k.name, k.about))).map(entry(Group::Measure));
-        let amplitudes = AMPLITUDES.into_iter().map(entry(Group::Amplitude));
+        let amplitudes = AMPLITUDES.into_iter().chain(self.amplitudes.iter().map(|k| (k.name, k.about))).map(entry(Group::Amplitude));
         elements.chain(settings).chain(probes).chain(measures).chain(amplitudes).collect()
     }
 }

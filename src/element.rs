@@ -184,7 +184,7 @@ pub trait Element<const N: usize>: Component<Mutability = Mutable> + Serialize +
     #[inline]
     fn internal_forces(elements: &mut [Self], rows: &[Connectivity<N>], nodes: impl NodeColumns, out: &mut [EndForces<Self, N>]) {
         for ((element, rows), out) in elements.iter_mut().zip(rows).zip(out) {
-            out.0 = element.internal_force(rows.0.map(|row| nodes.state(row)));
+            out.0 = element.internal_force(std::array::from_fn(|end| nodes.state(rows.0[end])));
         }
     }
 

@@ -26,6 +26,8 @@ pub mod scene;
 pub mod simulation;
 pub mod state;
 pub mod step;
+#[cfg(debug_assertions)]
+pub mod stepper;
 pub mod study;
 pub mod verify;
 

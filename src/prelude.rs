@@ -9,7 +9,7 @@ pub use crate::ledger::{ContactSummary, EnergyLedger};
 pub use crate::measure::{NodeRef, Quantity};
 pub use crate::model::*;
 pub use crate::parallel;
-pub use crate::registry::{Build, CustomProbe, MeasureKind, Settings, SpecError};
+pub use crate::registry::{Build, CustomAmplitude, CustomProbe, MeasureKind, Settings, SpecError};
 pub use crate::simulation::{Failure, HeldDofs, Install, NodeEntities, NodeRows, Simulation};
 pub use crate::state::Kept;
 pub use crate::step::{Clock, StepSet};

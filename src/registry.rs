@@ -1,5 +1,7 @@
-//! What a binary knows: element kinds, settings, probes, measures and installers, in the order in which plugins added them.
+//! What a binary knows: element kinds, settings, probes, measures, amplitudes and installers, in the order in which plugins added them.
+use crate::amplitude::{Amplitude, Function};
 use crate::element::Element;
+use crate::generate::Generated;
 use crate::measure::Quantity;
 use crate::model::{Chain, Material, Model, Section};
 use crate::simulation::Install;
@@ -130,6 +132,19 @@ pub trait Settings: serde::de::DeserializeOwned + serde::Serialize + std::any::A
     /// One sentence for `braid-ecs plugins` and messages.
     const ABOUT: &'static str;
 
+    /// True for a generator: [`generate`](Self::generate) then runs where the generators of the scene do.
+    const GENERATES: bool = false;
+
+    /// Adds filaments with their nodes and elements, each structure with a name: `NAME` then stands for all its nodes in the
+    /// scene, `NAME.0` for those of its first filament. [`polyline`](crate::generate::polyline) and its kin do the work.
+    /// `seed` is that of the scene.
+    ///
+    /// # Errors
+    /// What is wrong, naming the field.
+    fn generate(&self, _seed: u64, _registry: &Registry, _build: &mut Build<'_>) -> Result<Vec<(String, Generated)>, SpecError> {
+        Ok(Vec::new())
+    }
+
     /// Checks the settings against the finished model, and may fill in what follows from it.
     ///
     /// # Errors
@@ -146,6 +161,16 @@ pub struct SettingsKind {
     pub about: &'static str,
     /// Reads RON into the model; gives the settings back with all defaults filled in.
     pub read: fn(&str, &mut Build<'_>) -> Result<String, ReadError>,
+    /// Reads RON and generates what it says, if these are settings of a generator.
+    pub generate: Option<GenerateFn>,
+}
+
+/// Reads the RON of a generator and adds what it says to the model.
+pub type GenerateFn = fn(&str, u64, &Registry, &mut Build<'_>) -> Result<Vec<(String, Generated)>, ReadError>;
+
+fn generate<S: Settings>(text: &str, seed: u64, registry: &Registry, build: &mut Build<'_>) -> Result<Vec<(String, Generated)>, ReadError> {
+    let settings: S = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
+    settings.generate(seed, registry, build).map_err(ReadError::Whole)
 }
 
 fn read_settings<S: Settings>(text: &str, build: &mut Build<'_>) -> Result<String, ReadError> {
@@ -199,6 +224,42 @@ fn read_probe<P: CustomProbe>(text: &str, model: &Model) -> Result<ReadProbe, Re
     Ok(std::sync::Arc::new(move |world: &mut World| probe.value(world)))
 }
 
+/// An amplitude of a plugin: a function of time for loads and prescribed motions, written
+/// `Custom(amplitude: "lab.pulse", settings: (...))`; the implementing type is what `settings` reads.
+/// Register it with [`Simulation::add_amplitude`](crate::simulation::Simulation::add_amplitude).
+pub trait CustomAmplitude: serde::de::DeserializeOwned + Send + Sync + 'static {
+    /// The name; names from outside carry a prefix (`lab.pulse`).
+    const NAME: &'static str;
+    /// One sentence for `braid-ecs plugins` and messages.
+    const ABOUT: &'static str;
+
+    /// Checks the settings.
+    ///
+    /// # Errors
+    /// What is wrong, naming the field inside `settings`.
+    fn check(&self) -> Result<(), SpecError>;
+
+    /// The value at time `t`, the same whenever it is asked for.
+    fn at(&self, t: f64) -> f64;
+}
+
+/// One registered kind of amplitude.
+#[derive(Clone, Copy)]
+pub struct AmplitudeKind {
+    /// Name in the scene.
+    pub name: &'static str,
+    /// One sentence.
+    pub about: &'static str,
+    /// Reads the RON of its settings and checks them.
+    pub read: fn(&str) -> Result<Amplitude, ReadError>,
+}
+
+fn read_amplitude<A: CustomAmplitude>(text: &str) -> Result<Amplitude, ReadError> {
+    let amplitude: A = crate::scene::ron_options().from_str(text).map_err(ReadError::Syntax)?;
+    amplitude.check().map_err(ReadError::Whole)?;
+    Ok(Amplitude::Custom(Function(std::sync::Arc::new(move |t| amplitude.at(t)))))
+}
+
 /// A number about the whole model, taken at the end of a run, or `None` where it has no meaning.
 pub type Measurement = fn(&Model, &mut World) -> Option<f64>;
 
@@ -241,6 +302,9 @@ pub struct ElementKind {
 /// A function that adds systems, components and resources for a model, if the model needs them.
 pub type Installer = fn(&mut Install<'_>);
 
+/// Fields of a component with their dimensions in the words length, mass, time, force, stress and energy.
+pub type FieldDimensions = &'static [(&'static str, &'static str)];
+
 /// Everything that plugins have added.
 #[derive(Default, Clone)]
 pub struct Registry {
@@ -254,6 +318,10 @@ pub struct Registry {
     pub probes: Vec<ProbeKind>,
     /// Measures of plugins, in the order in which they are taken.
     pub measures: Vec<MeasureKind>,
+    /// Amplitudes of plugins.
+    pub amplitudes: Vec<AmplitudeKind>,
+    /// Dimensions of the fields of components, by the full name of the component; for who looks at them.
+    pub units: BTreeMap<&'static str, FieldDimensions>,
 }
 
 impl Registry {
@@ -273,7 +341,8 @@ impl Registry {
     /// If the key is taken: two plugins claim the same scene key.
     pub fn add_settings<S: Settings>(&mut self) {
         assert!(self.settings_of(S::KEY).is_none(), "settings `{}` are registered twice", S::KEY);
-        self.settings.push(SettingsKind { key: S::KEY, about: S::ABOUT, read: read_settings::<S> });
+        let generate = S::GENERATES.then_some(generate::<S> as GenerateFn);
+        self.settings.push(SettingsKind { key: S::KEY, about: S::ABOUT, read: read_settings::<S>, generate });
     }
 
     /// The probe of a plugin called `name`.
@@ -288,6 +357,20 @@ impl Registry {
     pub fn add_probe<P: CustomProbe>(&mut self) {
         assert!(self.probe(P::NAME).is_none(), "probe `{}` is registered twice", P::NAME);
         self.probes.push(ProbeKind { name: P::NAME, about: P::ABOUT, quantity: P::QUANTITY, read: read_probe::<P> });
+    }
+
+    /// The amplitude of a plugin called `name`.
+    pub fn amplitude(&self, name: &str) -> Option<&AmplitudeKind> {
+        self.amplitudes.iter().find(|k| k.name == name)
+    }
+
+    /// Adds an amplitude.
+    ///
+    /// # Panics
+    /// If the name is taken: two plugins claim the same name.
+    pub fn add_amplitude<A: CustomAmplitude>(&mut self) {
+        assert!(self.amplitude(A::NAME).is_none(), "amplitude `{}` is registered twice", A::NAME);
+        self.amplitudes.push(AmplitudeKind { name: A::NAME, about: A::ABOUT, read: read_amplitude::<A> });
     }
 
     /// Adds a measure.
@@ -306,6 +389,7 @@ impl Registry {
     /// If the name is taken: two plugins claim the same scene key.
     pub fn add_element<E: Element<N>, const N: usize>(&mut self) {
         assert!(self.element(E::NAME).is_none(), "element `{}` is registered twice", E::NAME);
+        self.units.insert(std::any::type_name::<crate::element::EndForces<E, N>>(), &[("force", "force"), ("moment", "force x length")]);
         self.elements.push(ElementKind {
             name: E::NAME,
             about: E::ABOUT,
@@ -315,9 +399,15 @@ impl Registry {
             along: E::along,
             count: |m| m.elements::<E, N>().len(),
             add_mass: crate::assembly::add_mass::<E, N>,
-            install: crate::assembly::install::<E, N>,
+            install: install::<E, N>,
         });
     }
+}
+
+fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
+    crate::assembly::install::<E, N>(cx);
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_element::<E, N>(cx.world);
 }
 
 fn read_list<E: Element<N>, const N: usize>(text: &str, build: &mut Build<'_>) -> Result<(), ReadError> {

@@ -108,11 +108,7 @@ pub fn continue_run(
     sample_interval: f64,
     observer: &mut dyn Observer,
 ) -> Result<Status, SimulationError> {
-    let resumed = sim.world.remove_resource::<RunState>();
-    let fresh = resumed.is_none();
-    let state = resumed.unwrap_or_else(|| RunState::new(sim, model, sample_interval));
-    sim.world.insert_resource(state);
-    if fresh {
+    if begin(sim, model, sample_interval) {
         observer.sample(sim)?;
         observer.step_done(sim, None)?;
     }
@@ -122,51 +118,78 @@ pub fn continue_run(
 }
 
 fn go_on(sim: &mut Simulation, model: &Model, sample_interval: f64, observer: &mut dyn Observer) -> Result<Status, SimulationError> {
-    let stop = &model.stop;
     loop {
-        let (time, dt) = {
-            let c = sim.world.resource::<Clock>();
-            (c.time, c.dt_next)
-        };
-        // The look at the energies belongs to the step that reaches a sample or a decision.
-        let (sampling, deciding) = {
-            let state = sim.world.resource::<RunState>();
-            let sampling = time + dt >= state.next_sample || stop.time.is_some_and(|t| time + dt >= t);
-            (sampling, stop.steady.is_some() && state.steady.as_ref().is_some_and(|s| time + dt >= s.next))
-        };
-        if sampling || deciding {
-            sim.world.resource_mut::<LookNow>().0 = true;
-        }
+        let due = due(sim, model);
         step(sim)?;
-        let (time, step) = {
-            let c = sim.world.resource::<Clock>();
-            (c.time, c.step)
-        };
-        if sampling {
+        if due.sampling {
             observer.sample(sim)?;
-            let mut state = sim.world.resource_mut::<RunState>();
-            while state.next_sample <= time {
-                state.next_sample += sample_interval;
-            }
         }
-        let ended = if deciding && steady_state_reached(sim, model, time) {
-            Some(Status::Converged)
-        } else if stop.time.is_some_and(|t| time >= t * (1.0 - 1e-12))
-            || stop.steps.is_some_and(|n| step - sim.world.resource::<RunState>().first >= n)
-        {
-            Some(Status::Completed)
-        } else {
-            None
-        };
+        let ended = ended(sim, model, due, sample_interval);
         observer.step_done(sim, ended)?;
         let status = ended.or_else(|| observer.stop_requested().then_some(Status::Stopped));
         if let Some(status) = status {
-            if !sampling {
+            if !due.sampling {
                 sim.refresh_energies();
                 observer.sample(sim)?;
             }
             return Ok(status);
         }
+    }
+}
+
+/// Puts what the loop remembers into the world, if it is not there; true if it was not.
+pub(crate) fn begin(sim: &mut Simulation, model: &Model, sample_interval: f64) -> bool {
+    let fresh = !sim.world.contains_resource::<RunState>();
+    if fresh {
+        let state = RunState::new(sim, model, sample_interval);
+        sim.world.insert_resource(state);
+    }
+    fresh
+}
+
+/// What the step about to be made has to look at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Due {
+    /// It reaches a sample.
+    sampling: bool,
+    /// It reaches a look at the steady state.
+    deciding: bool,
+}
+
+/// What the next step has to look at. The look at the energies belongs to the step that reaches a sample or a decision.
+pub(crate) fn due(sim: &mut Simulation, model: &Model) -> Due {
+    let clock = sim.world.resource::<Clock>();
+    let reached = clock.time + clock.dt_next;
+    let state = sim.world.resource::<RunState>();
+    let sampling = reached >= state.next_sample || model.stop.time.is_some_and(|t| reached >= t);
+    let deciding = model.stop.steady.is_some() && state.steady.as_ref().is_some_and(|s| reached >= s.next);
+    if sampling || deciding {
+        sim.world.resource_mut::<LookNow>().0 = true;
+    }
+    Due { sampling, deciding }
+}
+
+/// Closes a step: the time of the next sample, and how the run has ended, if it has.
+pub(crate) fn ended(sim: &mut Simulation, model: &Model, due: Due, sample_interval: f64) -> Option<Status> {
+    let (time, step) = {
+        let c = sim.world.resource::<Clock>();
+        (c.time, c.step)
+    };
+    if due.sampling {
+        let mut state = sim.world.resource_mut::<RunState>();
+        while state.next_sample <= time {
+            state.next_sample += sample_interval;
+        }
+    }
+    let stop = &model.stop;
+    if due.deciding && steady_state_reached(sim, model, time) {
+        Some(Status::Converged)
+    } else if stop.time.is_some_and(|t| time >= t * (1.0 - 1e-12))
+        || stop.steps.is_some_and(|n| step - sim.world.resource::<RunState>().first >= n)
+    {
+        Some(Status::Completed)
+    } else {
+        None
     }
 }
 

@@ -193,9 +193,20 @@ impl Simulation {
         self.registry.add_probe::<P>();
     }
 
+    /// Registers an amplitude: a function of time that scenes may ask for with `Custom(amplitude: ...)`.
+    pub fn add_amplitude<A: crate::registry::CustomAmplitude>(&mut self) {
+        self.registry.add_amplitude::<A>();
+    }
+
     /// Registers a measure: a number that every run reports at its end where `take` gives one.
     pub fn add_measure(&mut self, kind: crate::registry::MeasureKind) {
         self.registry.add_measure(kind);
+    }
+
+    /// Names the dimensions of the fields of a component or a resource, so that whoever looks at it sees units: `("stiffness", "force / length")`.
+    /// The words are length, mass, time, force, stress and energy; a component that is a single value has the field `""`.
+    pub fn add_units<C: Component>(&mut self, fields: crate::registry::FieldDimensions) {
+        self.registry.units.insert(std::any::type_name::<C>(), fields);
     }
 
     /// Registers a function that adds systems for models that need them.
@@ -365,6 +376,8 @@ impl Simulation {
 
 /// The state of every model, whatever the plugins.
 fn remember_nodes(world: &mut World) {
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_constants(world);
     state::remember_resource::<Clock>(world);
     state::remember_resource::<RunState>(world);
     state::remember::<Position>(world);

@@ -56,6 +56,8 @@ impl Install<'_> {
 
     /// Saves a component of pooled entities, of which `grow` makes more where a saved state has more.
     pub fn remember_pool<C: Component<Mutability = Mutable> + Serialize + DeserializeOwned>(&mut self, grow: Grow) {
+        #[cfg(debug_assertions)]
+        crate::stepper::inspect::know_component::<C>(self.world);
         let part = Part { name: std::any::type_name::<C>, save: save_column::<C>, load: load_column::<C>, grow: Some(grow) };
         self.world.get_resource_or_init::<StateParts>().push(part);
     }
@@ -67,6 +69,8 @@ impl Install<'_> {
 
     /// Saves what changes of a resource.
     pub fn remember_part<R: Kept>(&mut self) {
+        #[cfg(debug_assertions)]
+        crate::stepper::inspect::know_part::<R>(self.world);
         let part = Part { name: std::any::type_name::<R>, save: save_part::<R>, load: load_part::<R>, grow: None };
         self.world.get_resource_or_init::<StateParts>().push(part);
     }
@@ -78,11 +82,15 @@ impl Install<'_> {
 }
 
 pub(crate) fn remember<C: Component<Mutability = Mutable> + Serialize + DeserializeOwned>(world: &mut World) {
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_component::<C>(world);
     let part = Part { name: std::any::type_name::<C>, save: save_column::<C>, load: load_column::<C>, grow: None };
     world.get_resource_or_init::<StateParts>().push(part);
 }
 
 pub(crate) fn remember_resource<R: Resource + Serialize + DeserializeOwned>(world: &mut World) {
+    #[cfg(debug_assertions)]
+    crate::stepper::inspect::know_resource::<R>(world);
     let part = Part { name: std::any::type_name::<R>, save: save_resource::<R>, load: load_resource::<R>, grow: None };
     world.get_resource_or_init::<StateParts>().push(part);
 }
@@ -113,8 +121,11 @@ pub fn differences(a: &[u8], b: &[u8]) -> Result<Vec<String>, String> {
     Ok(names.into_iter().filter(|n| a.get(*n) != b.get(*n)).map(|n| (*n).to_owned()).collect())
 }
 
-/// The parts of a saved state by name.
-fn split(mut bytes: &[u8]) -> Result<std::collections::BTreeMap<&str, &[u8]>, String> {
+/// The parts of a saved state by the full names of their types.
+///
+/// # Errors
+/// Bytes that are no saved state.
+pub fn split(mut bytes: &[u8]) -> Result<std::collections::BTreeMap<&str, &[u8]>, String> {
     let mut parts = std::collections::BTreeMap::new();
     while !bytes.is_empty() {
         let ((name, length), rest): ((&str, usize), &[u8]) = postcard::take_from_bytes(bytes).map_err(|e| e.to_string())?;

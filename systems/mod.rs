@@ -14,6 +14,7 @@ pub mod load;
 pub mod surface;
 pub mod time_step;
 pub mod truss;
+pub mod units;
 
 /// The first-party systems. The order is the order of the sums: loads, elements, then the rest
 /// inside each set of the step.
@@ -34,4 +35,5 @@ pub fn default_plugins(sim: &mut Simulation) {
     energy::plugin(sim);
     adaptive_damping::plugin(sim);
     time_step::plugin(sim);
+    units::plugin(sim);
 }

@@ -9,12 +9,18 @@ use braid_ecs::verify::verify;
 use program::Bench;
 use std::path::{Path, PathBuf};
 
+#[path = "../examples/lab_coil.rs"]
+mod lab_coil;
 #[path = "../examples/lab_drag.rs"]
 mod lab_drag;
+#[path = "../examples/lab_mandrel.rs"]
+mod lab_mandrel;
 #[path = "../examples/lab_plastic_truss.rs"]
 mod lab_plastic_truss;
 #[path = "../examples/lab_probe.rs"]
 mod lab_probe;
+#[path = "../examples/lab_pulse.rs"]
+mod lab_pulse;
 #[path = "../examples/lab_slip_beam.rs"]
 mod lab_slip_beam;
 #[path = "../examples/lab_spring.rs"]
@@ -23,9 +29,12 @@ mod lab_spring;
 /// All first-party systems and all examples.
 fn all(sim: &mut Simulation) {
     default_plugins(sim);
+    lab_coil::plugin(sim);
     lab_drag::plugin(sim);
+    lab_mandrel::plugin(sim);
     lab_plastic_truss::plugin(sim);
     lab_probe::plugin(sim);
+    lab_pulse::plugin(sim);
     lab_slip_beam::plugin(sim);
     lab_spring::plugin(sim);
 }
@@ -68,6 +77,21 @@ fn a_probe_and_a_measure_of_a_plugin_are_sampled_and_expected() {
 #[test]
 fn a_tow_slips_at_its_friction_moment_and_stays_bent_when_it_is_straightened() {
     known_answers("lab_slip_beam", lab_slip_beam::plugin);
+}
+
+#[test]
+fn a_pulse_of_a_plugin_gives_a_mass_its_momentum() {
+    known_answers("lab_pulse", lab_pulse::plugin);
+}
+
+#[test]
+fn a_coil_of_a_plugin_is_as_soft_as_it_must_be() {
+    known_answers("lab_coil", lab_coil::plugin);
+}
+
+#[test]
+fn a_turning_mandrel_drags_a_filament_up_to_the_belt_friction() {
+    known_answers("lab_mandrel", lab_mandrel::plugin);
 }
 
 /// A scene of the examples with one part replaced, and the first thing that the program says about it.
@@ -124,7 +148,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     );
     check(
         message("lab_drag", "\"lab.drag\"", "\"lab.darg\""),
-        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.drag",
+        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.coil, lab.drag, lab.mandrel",
     );
     check(
         message("lab_drag", "    stop:", "    \"lab.drag\": (density: 1, area: 1),\n    stop:"),
@@ -149,12 +173,34 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
         "a.ron:21:24: expect.\"lab.gyraton\": unknown measure or probe `lab.gyraton`\n  \
          help: did you mean `lab.gyration`? known: length, angle, thickness, lab.gyration, largest stretch, stretch",
     );
+    // Amplitudes and generators.
+    check(
+        message("lab_pulse", "\"lab.pulse\"", "\"lab.puls\""),
+        "a.ron:6:45: amplitudes.kick.amplitude: unknown amplitude of a plugin `lab.puls`\n  help: did you mean `lab.pulse`? known: lab.pulse",
+    );
+    check(
+        message("lab_pulse", "(duration: \"200 ms\")", "(duration: \"200 mm\")"),
+        "a.ron:6:79: amplitudes.kick.settings.duration: `mm` is not a unit of a time; write for example \"10 ms\"",
+    );
+    check(
+        message("lab_pulse", "(duration: \"200 ms\")", "(duration: 0)"),
+        "a.ron:6:79: amplitudes.kick.settings.duration: duration must be above zero, 0 given",
+    );
+    check(
+        message("lab_coil", "turns: 3", "truns: 3"),
+        "a.ron:7:18: \"lab.coil\": unknown field `truns` of coil\n  help: did you mean `turns`? valid fields: `turns`, `radius`, `pitch`, \
+         `wire_radius`, `material`, `elements`, `model`",
+    );
+    check(
+        message("lab_coil", "material: \"steel\", el", "material: \"stel\", el"),
+        "a.ron:7:91: \"lab.coil\".material: unknown material `stel`\n  help: did you mean `steel`? known: steel",
+    );
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
 #[test]
 fn a_scene_with_parts_of_plugins_is_written_back_as_the_same_scene() {
-    for name in ["lab_spring", "lab_plastic_truss", "lab_slip_beam", "lab_drag", "lab_probe"] {
+    for name in ["lab_spring", "lab_plastic_truss", "lab_slip_beam", "lab_drag", "lab_probe", "lab_pulse", "lab_coil", "lab_mandrel"] {
         let sim = Simulation::new(all);
         let first = scene::load(file(name), &[], &sim.registry).unwrap_or_else(|e| panic!("{e}")).resolved();
         let again = scene::load_text("a.ron", first.clone(), &[], &sim.registry).unwrap_or_else(|e| panic!("{e}\n{first}")).resolved();
@@ -239,7 +285,7 @@ fn the_program_lists_what_scenes_may_name() {
     assert_eq!(names("measure"), ["length", "angle", "thickness"]);
     // The plugins of another binary are listed with the rest.
     let catalog = Simulation::new(all).registry.catalog();
-    for name in ["lab.spring", "lab.plastic_truss", "lab.slip_beam", "lab.drag", "lab.stretch", "lab.gyration"] {
+    for name in ["lab.spring", "lab.plastic_truss", "lab.slip_beam", "lab.drag", "lab.stretch", "lab.gyration", "lab.pulse", "lab.coil"] {
         assert_eq!(catalog.iter().filter(|e| e.name == name).count(), 1, "{name}");
     }
 }

@@ -21,6 +21,7 @@ mod resume;
 mod run;
 mod signals;
 mod status;
+mod step;
 mod study;
 mod verify;
 
@@ -59,6 +60,8 @@ enum Command {
     Study(study::StudyArgs),
     /// Go on with a run that was stopped, from its last checkpoint.
     Resume(resume::ResumeArgs),
+    /// Step through a run at a prompt, system by system and back (debug builds).
+    Step(step::StepArgs),
     /// List what scenes of this program may name: elements, settings, probes, measures, amplitudes.
     Plugins(plugins::PluginsArgs),
     /// Tell how far a run has come.
@@ -118,6 +121,7 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
         (Some(Command::Study(args)), _) => study::run(&args, plugins),
         (Some(Command::Resume(args)), _) => resume::resume(&args, plugins),
+        (Some(Command::Step(args)), _) => step::step(&args, plugins),
         (Some(Command::Plugins(args)), _) => plugins::list(&args, plugins),
         (Some(Command::Status(args)), _) => status::status(&args),
         (Some(Command::Ctl(args)), _) => status::control(&args),

@@ -8,8 +8,13 @@ use std::sync::atomic::AtomicBool;
 /// the program at once with 130. A SIGTERM does not: batch systems send several. A hangup is left alone,
 /// so that `nohup` works.
 pub(super) fn catch(stop: &Arc<AtomicBool>) {
+    catch_interrupt(stop);
+    let _ = flag::register(SIGTERM, Arc::clone(stop));
+}
+
+/// The same for SIGINT alone: whoever takes `stop` back waits for the next first one.
+pub(super) fn catch_interrupt(stop: &Arc<AtomicBool>) {
     // Where no handler can be set, signals end the program as ever.
     let _ = flag::register_conditional_shutdown(SIGINT, 130, Arc::clone(stop));
     let _ = flag::register(SIGINT, Arc::clone(stop));
-    let _ = flag::register(SIGTERM, Arc::clone(stop));
 }

@@ -1,10 +1,11 @@
 //! Multi-point constraints: ties, linear equations, periodic pairs through dummy nodes.
 use super::{Dof, NodeId};
 use bevy_ecs::prelude::*;
+use serde::Serialize;
 
 /// Two coincident nodes that share every degree of freedom. The embedded node is condensed: the
 /// elements on it act on the host, and it has no motion of its own.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Tie {
     /// The dependent node.
     pub embedded: NodeId,

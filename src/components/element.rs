@@ -6,6 +6,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Connectivity<const N: usize>(pub [u32; N]);
 
+impl<const N: usize> Serialize for Connectivity<N> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0)
+    }
+}
+
 /// Axial spring taken out of an element by the implicit solve: N = ea (l / rest_length - 1).
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct AxialBar {

@@ -21,7 +21,7 @@ impl NodeId {
 pub struct Position(pub DVec3);
 
 /// Position in the initial configuration (length).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct InitialPosition(pub DVec3);
 
 /// Velocity v at the half step t + dt/2 (length / time).
@@ -33,12 +33,12 @@ pub struct Velocity(pub DVec3);
 pub struct Force(pub DVec3);
 
 /// Lumped mass (mass).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mass(pub f64);
 
 /// Inverse of the mass that each direction moves with; zero where the motion is fixed, prescribed
 /// or follows from a constraint.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct InverseMass(pub DVec3);
 
 /// Rotation of the node's cross-section from the initial configuration (identity at the start).
@@ -54,11 +54,11 @@ pub struct AngularVelocity(pub DVec3);
 pub struct Moment(pub DVec3);
 
 /// Isotropic rotary inertia J (mass x length^2).
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RotaryInertia(pub f64);
 
 /// Inverse of the rotary inertia per global axis; zero where the rotation is fixed or dependent.
-#[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct InverseInertia(pub DVec3);
 
 /// One of the six degrees of freedom of a node.

@@ -19,6 +19,7 @@ mod topology;
 pub use crossings::{BraidMeasures, CrossingMeasure, CrossingOptions, Heights, braid_measures, measure_braid, measure_crossing};
 pub use line::{TowLine, Trace, initial_traces, polyline_length, segment_distance, traces};
 pub use node_ref::NodeRef;
+pub(crate) use probe::inside_settings;
 pub use probe::{Component, EnergyTerm, ProbeSpec, SectionTerm};
 pub use reading::{Probe, Quantity, Reduce, position};
 pub use stats::{Estimate, quantile};

@@ -198,17 +198,13 @@ pub enum ProbeSpec {
         /// Its name (`lab.drag`).
         probe: String,
         /// What it asks for (default `()`).
-        #[serde(default = "nothing")]
+        #[serde(default = "crate::scene::nothing")]
         settings: Box<RawValue>,
     },
     /// Largest value of a probe over all samples so far.
     Max(Box<ProbeSpec>),
     /// Smallest value of a probe over all samples so far.
     Min(Box<ProbeSpec>),
-}
-
-fn nothing() -> Box<RawValue> {
-    RawValue::from_ron("()").expect("`()` is RON").to_owned()
 }
 
 fn period() -> NodeRef {
@@ -219,8 +215,8 @@ fn mandrel() -> String {
     "mandrel".into()
 }
 
-/// The path of a field of the settings of a plugin's probe, seen from the probe.
-fn inside_settings(path: &str) -> String {
+/// The path of a field of the settings of a plugin's probe or amplitude, seen from there.
+pub(crate) fn inside_settings(path: &str) -> String {
     let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
     format!("settings{dot}{path}")
 }

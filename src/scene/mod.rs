@@ -26,3 +26,8 @@ pub fn ron_options() -> ron::Options {
         .with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
         .with_default_extension(ron::extensions::Extensions::UNWRAP_NEWTYPES)
 }
+
+/// Settings of something of a plugin that needs none.
+pub(crate) fn nothing() -> Box<ron::value::RawValue> {
+    ron::value::RawValue::from_ron("()").expect("`()` is RON").to_owned()
+}

@@ -161,8 +161,7 @@ impl Rig {
         scatter(&self.lines, &self.now, (lr, lf), (pr, pf), |row, f| force[row] += f);
         if due {
             self.inner.begin(&self.search, &self.lines, &self.now, &self.x, dt);
-            self.near =
-                (self.inner.divide_lines(&self.search, lr, ls), self.inner.divide_points(&self.search, pr, ps));
+            self.near = (self.inner.divide_lines(&self.search, lr, ls), self.inner.divide_points(&self.search, pr, ps));
             self.needed.stale = true;
         }
     }

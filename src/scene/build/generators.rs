@@ -1,9 +1,9 @@
-//! Braid, bundles, strands and polylines.
+//! Braid, bundles, strands, polylines, and the generators of plugins.
 use super::{Builder, at};
 use crate::components::NodeId;
 use crate::generate::{self, Generated, PolylineSpec};
-use crate::registry::SpecError;
-use crate::scene::error::Problem;
+use crate::registry::{ReadError, SpecError};
+use crate::scene::error::{Problem, from_ron};
 use crate::scene::schema::Scene;
 use crate::scene::spans::{Path, Step};
 use std::collections::BTreeSet;
@@ -42,6 +42,17 @@ impl Builder<'_> {
             self.generated(at("polylines").index(i), &spec.name, made);
             if good {
                 self.name_corners(spec, first);
+            }
+        }
+        for kind in registry.settings.iter() {
+            let path = Path::default().key(kind.key);
+            let (Some(generate), Some(value)) = (kind.generate, self.root.find(&path)) else { continue };
+            let (text, span) = (self.text, value.span.clone());
+            let made = self.with_build(|b| scene.units.while_reading(|| generate(&text[span.clone()], seed, registry, b)));
+            match made {
+                Ok(made) => made.into_iter().for_each(|(name, made)| self.generated(path.clone(), &name, Ok(made))),
+                Err(ReadError::Syntax(e)) => self.problems.push(from_ron(e, text, span, Some(self.root), None)),
+                Err(ReadError::Whole(error) | ReadError::Entry { error, .. }) => self.generated(path, "", Err(error)),
             }
         }
     }

@@ -2,8 +2,10 @@
 use super::{Builder, at};
 use crate::amplitude::Amplitude;
 use crate::components::{NodalLoad, PrescribedMotion};
+use crate::measure::inside_settings;
 use crate::model::BodyForce;
-use crate::registry::SpecError;
+use crate::registry::{ReadError, SpecError};
+use crate::scene::error::{Problem, from_ron};
 use crate::scene::schema::{AmplitudeSpec, Scene};
 use crate::scene::spans::Path;
 use glam::DVec3;
@@ -36,10 +38,34 @@ impl Builder<'_> {
                     Amplitude::Table(points)
                 }
                 AmplitudeSpec::Sine { frequency, phase } => Amplitude::Sine { frequency: frequency.0, phase: phase.0 },
+                AmplitudeSpec::Custom { amplitude, settings } => match self.custom_amplitude(&path, amplitude, settings.get_ron(), scene) {
+                    Ok(amplitude) => amplitude,
+                    Err(problem) => {
+                        self.problems.push(problem);
+                        Amplitude::Constant
+                    }
+                },
             };
             let index = self.model.add_amplitude(amplitude);
             self.amplitudes.insert(name.clone(), index);
         }
+    }
+
+    /// The amplitude of a plugin, its settings read where they stand in the text.
+    fn custom_amplitude(&self, path: &Path, name: &str, settings: &str, scene: &Scene) -> Result<Amplitude, Problem> {
+        let kind = self.registry.amplitude(name).ok_or_else(|| {
+            let known = self.registry.amplitudes.iter().map(|k| k.name);
+            Problem::of_entry(path, SpecError::unknown("amplitude", "amplitude of a plugin", name, known))
+        })?;
+        let span = self.root.find(&path.key("settings")).map(|v| v.span.clone());
+        let text = span.clone().map_or(settings, |s| &self.text[s]);
+        scene.units.while_reading(|| (kind.read)(text)).map_err(|e| match (e, span) {
+            (ReadError::Syntax(e), Some(span)) => from_ron(e, self.text, span, Some(self.root), None),
+            (ReadError::Syntax(e), None) => Problem::new(path.clone(), e.to_string()),
+            (ReadError::Whole(e) | ReadError::Entry { error: e, .. }, _) => {
+                Problem::of_entry(path, SpecError { path: inside_settings(&e.path), ..e })
+            }
+        })
     }
 
     /// Index of the amplitude that the entry at `path` names; 0 is the constant.

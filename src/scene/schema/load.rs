@@ -2,6 +2,7 @@
 use super::NodeRef;
 use crate::components::Dof;
 use crate::scene::units::*;
+use ron::value::RawValue;
 use serde::{Deserialize, Serialize};
 
 /// A degree of freedom or a group of them.
@@ -167,5 +168,13 @@ pub enum AmplitudeSpec {
         /// Phase (degrees). Default 0.
         #[serde(default)]
         phase: Angle,
+    },
+    /// An amplitude of a plugin.
+    Custom {
+        /// Its name (`lab.pulse`).
+        amplitude: String,
+        /// What it is made of (default `()`).
+        #[serde(default = "crate::scene::nothing")]
+        settings: Box<RawValue>,
     },
 }

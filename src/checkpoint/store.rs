@@ -5,6 +5,7 @@
 //! | `scene.ron` | the scene after `--set`, with which the run goes on |
 //! | `a.ckpt`, `b.ckpt` | the last two checkpoints; the older one is overwritten |
 //! | `stopped.ckpt` | where the run was stopped |
+//! | `good.ckpt` | the last good state of a run that has failed |
 //! | `end.ckpt` | where it ended; the others are then gone |
 //! | `lock` | held by the program that runs |
 use super::format::{Checkpoint, Fault, Header, SceneHash};
@@ -54,15 +55,18 @@ pub enum Kind {
     Ring,
     /// At a stop from outside.
     Stopped,
+    /// The last good state before a failure.
+    Good,
     /// At the end of the run.
     End,
 }
 
 const RING: [&str; 2] = ["a.ckpt", "b.ckpt"];
 const STOPPED: &str = "stopped.ckpt";
+const GOOD: &str = "good.ckpt";
 const END: &str = "end.ckpt";
 const SCENE: &str = "scene.ron";
-const ALL: [&str; 4] = [RING[0], RING[1], STOPPED, END];
+const ALL: [&str; 5] = [RING[0], RING[1], STOPPED, GOOD, END];
 
 /// The folder, held by this program.
 pub struct Store {
@@ -213,6 +217,7 @@ impl Store {
         let name = match kind {
             Kind::Ring => RING[self.next],
             Kind::Stopped => STOPPED,
+            Kind::Good => GOOD,
             Kind::End => END,
         };
         let path = self.folder.join(name);
@@ -221,7 +226,7 @@ impl Store {
         sync_folder(&self.folder)?;
         match kind {
             Kind::Ring => self.next = 1 - self.next,
-            Kind::Stopped => {}
+            Kind::Stopped | Kind::Good => {}
             Kind::End => {
                 ALL.iter().filter(|n| **n != END).try_for_each(|n| remove(&self.folder.join(n)))?;
                 // A program that was killed while it wrote has left half a file.

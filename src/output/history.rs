@@ -72,14 +72,21 @@ impl History {
         Ok(history)
     }
 
-    /// Where the file ends now; it is on the disk when this returns.
+    /// The state now.
     ///
     /// # Errors
     /// What the operating system says.
     pub fn state(&self) -> Result<HistoryState, OutputError> {
-        let file = self.writer.get_ref();
-        let bytes = file.sync_data().and_then(|()| file.metadata()).map_err(|e| OutputError::io("write", &self.path, e))?.len();
+        let bytes = self.writer.get_ref().metadata().map_err(|e| OutputError::io("write", &self.path, e))?.len();
         Ok(HistoryState { bytes, kept: self.kept.clone(), stride: self.stride, rows: self.rows })
+    }
+
+    /// Waits until all rows are on the disk.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.writer.get_ref().sync_data().map_err(|e| OutputError::io("write", &self.path, e))
     }
 
     /// Opens the file of a run that goes on from a state; [`History::rewind`] then cuts it back.

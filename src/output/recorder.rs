@@ -8,6 +8,7 @@
 //! | `frames/contacts_*.vtp`, `contacts.pvd` | the contacts of each frame: gap, forces, angle, kind, stick or slip |
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
+//! | `failure.json`, `frames/last_good.vtp` | where the run has failed |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
 mod end;
 mod state;
@@ -23,7 +24,7 @@ use super::measured::{Probes, probes, surfaces};
 use super::picture::Scenery;
 use super::render::render;
 use super::sampling::Sampler;
-use super::summary::cpu_seconds;
+use super::summary::{Retry, cpu_seconds};
 use super::vtp;
 use crate::assembly::node_states;
 use crate::ledger::{ContactSummary, EnergyLedger};
@@ -36,6 +37,9 @@ use crate::simulation::{NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// The frame of the last good state.
+const LAST_GOOD: &str = "frames/last_good.vtp";
 
 /// Size of the pictures in pixels.
 const PICTURE: (u32, u32) = (1000, 750);
@@ -68,6 +72,7 @@ pub struct Recorder<'a> {
     before: [f64; 2],
     /// Seconds spent on writing, which do not count for the speed of the steps.
     writing: f64,
+    retries: Vec<Retry>,
     error: Option<OutputError>,
 }
 
@@ -121,6 +126,7 @@ impl<'a> Recorder<'a> {
             cpu_begin: cpu_seconds(),
             before: [0.0; 2],
             writing: 0.0,
+            retries: Vec::new(),
             error: None,
             lines,
         };
@@ -152,6 +158,26 @@ impl<'a> Recorder<'a> {
     pub fn extra_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
         self.make_frame_folder()?;
         self.write_frame(sim)
+    }
+
+    /// Writes a frame that stands for itself, outside the series: the last good state of a run that has failed. Returns its
+    /// name, or none for a model without lines.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn frame_of_last_good(&self, sim: &mut Simulation) -> Result<Option<String>, OutputError> {
+        if self.lines.lines.is_empty() {
+            return Ok(None);
+        }
+        self.make_frame_folder()?;
+        let time = sim.world.resource::<Clock>().time;
+        vtp::write(&self.folder.join(LAST_GOOD), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
+        Ok(Some(LAST_GOOD.into()))
+    }
+
+    /// Tells the summary of failures after which the run went back.
+    pub fn tell_retries(&mut self, retries: &[Retry]) {
+        self.retries = retries.to_vec();
     }
 
     /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.

@@ -32,7 +32,7 @@ impl Recorder<'_> {
     ///
     /// # Errors
     /// What the operating system says.
-    pub fn finish(mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
+    pub fn finish(&mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
         let (wall, cpu) = (self.wall(), self.cpu());
         self.write_row(sim)?;
         if self.frame_sampler.wanted() {
@@ -47,7 +47,7 @@ impl Recorder<'_> {
         let summary = self.summary(sim, status, wall, cpu);
         summary.write(&self.folder.join("summary.json"))?;
         let expected = compare(self.scene, &summary);
-        Ok(Outcome { summary, expected, probes: self.probes, units: self.units, folder: self.folder })
+        Ok(Outcome { summary, expected, probes: std::mem::take(&mut self.probes), units: self.units, folder: self.folder.clone() })
     }
 
     fn plot(&self, history: &History) -> String {
@@ -114,6 +114,7 @@ impl Recorder<'_> {
             },
             measures: measures(self.model, sim, self.units),
             probes: self.probes.values(),
+            retries: self.retries.clone(),
             state_hash: state_hash(&mut sim.world),
         }
     }

@@ -2,11 +2,14 @@
 use super::{Builder, at};
 use crate::amplitude::Amplitude;
 use crate::components::{NodalLoad, NodeId};
-use crate::model::{AxialScheme, Damping, Integration, RotaryInertiaRule, Steady, Stop};
+use crate::model::{AxialScheme, Damping, Integration, RotaryInertiaRule, Steady, Stop, Watch};
 use crate::scene::error::Problem;
-use crate::scene::schema::{AxialSpec, DampingSpec, RotaryInertiaSpec, Scene, SteadySpec, StopSpec};
-use crate::scene::units::{Length, Rate, Time};
+use crate::scene::schema::{AxialSpec, DampingSpec, OnFailure, RotaryInertiaSpec, Scene, SteadySpec, StopSpec, WatchSpec};
+use crate::scene::units::{Length, Rate, Ratio, Time};
 use glam::DVec3;
+
+/// Most times that a run is tried again: the time step is then a thousandth.
+const MOST_RETRIES: u32 = 10;
 
 impl Builder<'_> {
     /// The load along the period, and with it the time scale tF = sqrt(mass x stroke / force): with
@@ -120,10 +123,37 @@ impl Builder<'_> {
             bulk_viscosity: spec.bulk_viscosity.0,
             monitor_every: spec.monitor_every.max(1),
         };
+        self.add_watch(&scene.watch);
         // With a load the stop follows from its time scale, unless something else was wrong before.
         if scene.load.is_none() || self.time_scale.is_some() {
             self.add_stop(&mut scene.stop);
         }
+    }
+
+    fn add_watch(&mut self, spec: &WatchSpec) {
+        let limit = |limit: Option<Ratio>| limit.map_or(f64::INFINITY, f64::from);
+        let watch = Watch {
+            strain: limit(spec.strain),
+            rotation: limit(spec.rotation),
+            balance: limit(spec.balance),
+            time_step: spec.time_step.map_or(0.0, f64::from),
+        };
+        for (key, value) in [("strain", watch.strain), ("rotation", watch.rotation), ("balance", watch.balance)] {
+            self.above_zero(at("watch").key(key), &format!("the limit on the {key}"), value);
+        }
+        if !(0.0..1.0).contains(&watch.time_step) {
+            self.problem(at("watch.time_step"), format!("the smallest time step is a share of the settled one: at least 0 and below 1, not {}", watch.time_step));
+        }
+        if spec.on_failure == OnFailure::Retry(0) || matches!(spec.on_failure, OnFailure::Retry(n) if n > MOST_RETRIES) {
+            self.problem(at("watch.on_failure"), format!("a run is tried again between 1 and {MOST_RETRIES} times"));
+        }
+        if matches!(spec.on_failure, OnFailure::Retry(_)) && self.model.integration.dt.is_some() {
+            self.problems.push(
+                Problem::new(at("watch.on_failure"), "a retry halves the safety factor, and the time step is given by integration.dt")
+                    .help("leave integration.dt out"),
+            );
+        }
+        self.model.watch = watch;
     }
 
     fn add_stop(&mut self, stop: &mut StopSpec) {

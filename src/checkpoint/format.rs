@@ -42,6 +42,8 @@ impl std::fmt::Display for SceneHash {
 pub struct Header {
     /// Version of the program that wrote it.
     pub program: String,
+    /// Revision of its sources.
+    pub revision: String,
     /// The scene file of the run, for its name.
     pub scene: String,
     /// The scene after `--set`.
@@ -152,6 +154,7 @@ mod tests {
     fn checkpoint(program: &str) -> Checkpoint {
         let header = Header {
             program: program.into(),
+            revision: "a".into(),
             scene: "a.ron".into(),
             scene_hash: SceneHash::of("a"),
             step: 7,

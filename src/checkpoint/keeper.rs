@@ -4,6 +4,7 @@ use super::store::{Kind, Store};
 use crate::output::control::Command;
 use crate::output::failure::{FailureReport, LastGood};
 use crate::output::pace::Pace;
+use crate::output::provenance;
 use crate::output::status::{RunStatus, RunningState};
 use crate::output::{Outcome, OutputError, Recorder};
 use crate::run::{Observer, Status};
@@ -65,7 +66,13 @@ impl<'a> Keeper<'a> {
         // A command to an earlier run is not meant for this one.
         let _ = Command::take(recorder.folder());
         Keeper {
-            status: RunStatus { scene: name, unit: unit.into(), ..Default::default() },
+            status: RunStatus {
+                scene: name,
+                unit: unit.into(),
+                provenance: provenance::map(recorder.provenance()),
+                threads: rayon::current_num_threads(),
+                ..Default::default()
+            },
             recorder,
             store,
             header,
@@ -165,6 +172,7 @@ impl<'a> Keeper<'a> {
             };
             report.last_good = Some(LastGood { step, time, checkpoint, frame });
         }
+        report.provenance = provenance::map(self.recorder.provenance());
         report.write(self.recorder.folder())
     }
 

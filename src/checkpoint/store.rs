@@ -10,6 +10,7 @@
 //! | `lock` | held by the program that runs |
 use super::format::{Checkpoint, Fault, Header, SceneHash};
 use crate::output::OutputError;
+use crate::output::disk;
 use crate::output::file::{lock, remove, sync_folder, write_atomic};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -120,7 +121,7 @@ impl Store {
     /// What the operating system says; a run that is going on there.
     pub fn create(out: &Path, scene: &str) -> Result<Self, CheckpointError> {
         let folder = folder_of(out);
-        fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
+        disk::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
         let lock = hold(out)?;
         ALL.iter().try_for_each(|name| remove(&folder.join(name)))?;
         write_atomic(&folder.join(SCENE), scene.as_bytes())?;
@@ -202,7 +203,7 @@ impl Store {
                 Ok(Ok(_)) => remove(&path)?,
                 _ => {
                     let aside = path.with_extension("ckpt.unusable");
-                    fs::rename(&path, &aside).map_err(|e| OutputError::io("move aside", &path, e))?;
+                    disk::rename(&path, &aside).map_err(|e| OutputError::io("move aside", &path, e))?;
                 }
             }
         }

@@ -5,6 +5,7 @@ use super::with_threads;
 use crate::checkpoint::{CheckpointError, Found, Header, Orders, Store};
 use crate::model::{Model, Stop};
 use crate::output::failure::FailureReport;
+use crate::output::provenance::REVISION;
 use crate::output::summary::{Retry, Summary};
 use crate::output::{Outcome, Recorder};
 use crate::run::{Status, start};
@@ -108,7 +109,14 @@ pub(super) fn go_on(
         let (name, unit) = (loaded.name(), loaded.scene.units.time());
         message::line(&format!("{name}: goes on at t = {:.4e} {unit}, step {}, from {}", header.time, header.step, found.path.display()));
         run::notes(&sim);
+        if header.revision != REVISION {
+            message::line(&format!(
+                "note: the checkpoint was written by revision {}, and this is {REVISION}: it may go on with other numbers",
+                header.revision
+            ));
+        }
     }
+    header.revision = REVISION.into();
     let orders = orders(&loaded.scene.output);
     let start = Start { sim, loaded: &loaded, recorder, store, header, resumed: Some(found.checkpoint) };
     run::carry_on(start, orders, quiet, plugins)

@@ -5,6 +5,7 @@ use super::{SceneArgs, report, resume, signals};
 use crate::checkpoint::{Checkpoint, CheckpointError, Found, Header, Keeper, Orders, SceneHash, Store, store};
 use crate::model::Model;
 use crate::output::failure::FailureReport;
+use crate::output::provenance::REVISION;
 use crate::output::{Outcome, Recorder, file, timing};
 use crate::run::{self, Status, expected_duration};
 use crate::scene::schema::{OnFailure, OutputSpec};
@@ -96,6 +97,10 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: &impl Plugin) -> Result<
         let (name, nodes) = (loaded.name(), model.nodes.len());
         message::line(&format!("{name}: {nodes} nodes, {} elements; results go to {}", elements(&sim, model), folder.display()));
         notes(&sim);
+        if !loaded.hints.is_empty() {
+            let (n, file) = (loaded.hints.len(), loaded.path.display());
+            message::line(&format!("{n} hint{}: braid-ecs check {file}", if n == 1 { "" } else { "s" }));
+        }
     }
     let dt = sim.world.resource::<Clock>().dt_target;
     let duration = expected_duration(model, dt);
@@ -103,6 +108,7 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: &impl Plugin) -> Result<
     let recorder = Recorder::new(&loaded, &mut sim, &folder, duration)?;
     let header = Header {
         program: env!("CARGO_PKG_VERSION").into(),
+        revision: REVISION.into(),
         scene: loaded.path.display().to_string(),
         scene_hash: SceneHash::of(&loaded.text),
         step: 0,

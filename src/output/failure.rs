@@ -2,6 +2,7 @@
 //!
 //! | key | meaning |
 //! |---|---|
+//! | `provenance` | as in `summary.json` |
 //! | `message` | what was found, likely causes, what to try |
 //! | `time`, `step`, `dt`, `dt_limit`, `limited_by` | when, and the time step with its limit |
 //! | `node` | where: number, place in its filament, position, distance moved, speed |
@@ -23,6 +24,7 @@ use crate::systems::watch::{Look, NodePlaces, Recent, Suspect};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
@@ -73,6 +75,7 @@ pub struct LastGood {
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
 pub struct FailureReport {
+    pub provenance: BTreeMap<String, String>,
     pub message: String,
     pub time: f64,
     pub step: u64,
@@ -109,6 +112,7 @@ impl FailureReport {
         let elements = row.map_or(Vec::new(), |row| elements_at(&mut sim.world, row));
         let near = row.map_or(Vec::new(), |row| nearest(&contacts, states[row].x));
         FailureReport {
+            provenance: BTreeMap::new(),
             message,
             time: clock.time,
             step: clock.step,

@@ -3,6 +3,7 @@
 //! | key | meaning |
 //! |---|---|
 //! | `scene`, `version` | name of the scene; version of the program |
+//! | `provenance` | what made the files: program, revision, scene, hash of the scene with all defaults, seed, target, features |
 //! | `status` | `converged` (steady), `completed` (end time or steps), `stopped` (from outside), `failed` |
 //! | `time`, `steps`, `dt` | end time, completed steps, last time step |
 //! | `dt_limit` | `value`: stable limit without the safety factor; `by`: what sets it |
@@ -132,6 +133,7 @@ pub struct Retry {
 pub struct Summary {
     pub scene: String,
     pub version: String,
+    pub provenance: BTreeMap<String, String>,
     pub status: String,
     pub time: Option<f64>,
     pub steps: u64,
@@ -219,7 +221,7 @@ mod tests {
         s.probes.insert("tip".into(), finite(f64::NAN));
         let json: serde_json::Value = serde_json::to_value(&s).unwrap();
         let keys = |v: &serde_json::Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ");
-        let mut top: Vec<&str> = "scene version status time steps dt dt_limit nodes elements contacts threads wall_s cpu_s \
+        let mut top: Vec<&str> = "scene version provenance status time steps dt dt_limit nodes elements contacts threads wall_s cpu_s \
             element_steps_per_s share energy quality measures lists probes retries state_hash"
             .split_whitespace()
             .collect();

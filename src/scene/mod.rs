@@ -10,7 +10,7 @@
 //! | what is wrong, where, what would be right | `error.rs` |
 mod build;
 pub mod error;
-mod read;
+pub(crate) mod read;
 mod refined;
 pub mod schema;
 mod set;

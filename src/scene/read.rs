@@ -1,5 +1,5 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
-use super::error::{Category, EXPECTED_TEXT, Problem, SceneErrors, from_ron};
+use super::error::{Category, EXPECTED_TEXT, Problem, SceneError, SceneErrors, from_ron};
 use super::schema::{Scene, VERSIONS};
 use super::spans::{Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
@@ -24,7 +24,7 @@ pub struct LoadedScene {
     /// The probes, checked against the model.
     pub probes: Vec<(String, Probe)>,
     /// What is allowed but probably not meant.
-    pub hints: Vec<String>,
+    pub hints: Vec<SceneError>,
     /// The text after `--set`.
     pub text: String,
     /// The file.
@@ -121,7 +121,7 @@ pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: 
                     sets[at].1 = format!("{:?}", sets[at].1);
                     continue;
                 }
-                return fail(vec![*problem]);
+                return fail(further(*problem, &edited, registry));
             }
         };
         let root = tree.root.as_ref().expect("an empty scene was refused");
@@ -129,7 +129,8 @@ pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: 
             Ok(built) => {
                 let (path, mut model) = (PathBuf::from(name), built.model);
                 model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-                Ok(LoadedScene { scene, model, probes: built.probes, hints: built.hints, text: edited, path })
+                let hints = SceneErrors::place(Category::Scene, name, &edited, Some(root), built.hints).errors;
+                Ok(LoadedScene { scene, model, probes: built.probes, hints, text: edited, path })
             }
             Err(problems) => fail(problems),
         };
@@ -192,6 +193,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
     if let Some((path, span)) = root.repeated() {
         let mut problem = Problem::new(path, "an entry of this name is there already");
         problem.span = Some(span);
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // A key in quotes can only be a section of a plugin.
@@ -202,6 +204,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
             SpecError::unknown("", "section of a plugin", item.key.as_deref().unwrap_or_default(), registry.settings.iter().map(|k| k.key));
         let mut problem = Problem::of_entry(&Path::default(), error);
         problem.span = Some(item.key_span.clone());
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // Of two sections of one key the reader of the plugin would see only the first.
@@ -213,6 +216,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
         let key = item.key.as_deref().unwrap_or_default();
         let mut problem = Problem::new(Path::default(), format!("section `{key}` is given twice"));
         problem.span = Some(item.key_span.clone());
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // Settings of plugins are read later, by their own readers.
@@ -248,19 +252,76 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
     })
 }
 
-/// The text with the settings of plugins blanked out, so that everything else stays in its place.
+/// Most faults that are looked for after the first one, and the largest text (bytes) in which more than one is: every one takes
+/// another reading.
+pub(crate) const MOST_FAULTS: usize = 20;
+const MOST_TEXT: usize = 1 << 20;
+
+/// The first thing that the reader found wrong, and what else is: the entry of a list or map, or the field of a group, in
+/// which it stands is left out, and the rest is read again. Of the rest only what is wrong by itself is told.
+fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
+    let (mut text, mut problems) = (text.to_string(), vec![first]);
+    let mut fault = problems[0].span.clone().filter(|_| problems[0].stands_alone && text.len() <= MOST_TEXT);
+    let mut left_out: Vec<String> = Vec::new();
+    for _ in 0..MOST_FAULTS {
+        let Some(at) = fault.take() else { break };
+        let whole = tree(&text);
+        let Some((item, name)) = whole.root.as_ref().and_then(|root| wrong_item(root, at.start)) else { break };
+        left_out.extend(name);
+        blank_out(&mut text, item);
+        let tree = tree(&text);
+        match parse(&text, &tree, registry) {
+            Ok(mut scene) => {
+                let root = tree.root.as_ref().expect("a scene was read");
+                let more = build::build(&mut scene, &text, root, registry).err().unwrap_or_default();
+                problems.extend(more.into_iter().filter(|p| p.stands_alone));
+            }
+            Err(problem) => {
+                fault = problem.span.clone().filter(|_| problem.stands_alone);
+                // A field that was left out is not missing.
+                if !left_out.iter().any(|name| problem.message.starts_with(&format!("field `{name}`"))) {
+                    problems.push(*problem);
+                }
+            }
+        }
+    }
+    problems
+}
+
+/// The smallest part of a scene around the byte `at` without which the rest can be read: an entry of a list or map of the top
+/// level, else a field of a group there, else the whole item; with the name of the field. A second fault in what is left
+/// of a group takes the group.
+fn wrong_item(root: &Value, at: usize) -> Option<(Range<usize>, Option<String>)> {
+    let inside = |v: &Value| v.items.iter().position(|i| i.key_span.start.min(i.value.span.start) <= at && at < i.value.span.end.max(i.key_span.end + 1));
+    let item = &root.items[inside(root)?];
+    let all = |item: &Item| item.key_span.start.min(item.value.span.start)..item.value.span.end;
+    // Without its units no number of a scene has a meaning.
+    if item.key.as_deref() == Some("units") {
+        return None;
+    }
+    match inside(&item.value).map(|i| &item.value.items[i]) {
+        Some(inner) if item.value.bracket != super::spans::Bracket::None => Some((all(inner), inner.key.clone())),
+        _ => Some((all(item), item.key.clone())),
+    }
+}
+
+/// Blanks out a part of a text with the comma after it, so that everything else stays in its place.
+pub(crate) fn blank_out(text: &mut String, mut range: Range<usize>) {
+    let after = &text[range.end..];
+    let comma = after.len() - after.trim_start().len();
+    if after[comma..].starts_with(',') {
+        range.end += comma + 1;
+    }
+    let blank = |c: char| std::iter::repeat_n(if c == '\n' { '\n' } else { ' ' }, c.len_utf8());
+    let blanks: String = text[range.clone()].chars().flat_map(blank).collect();
+    text.replace_range(range, &blanks);
+}
+
+/// The text with the settings of plugins blanked out.
 fn without_settings(text: &str, root: &Value, registry: &Registry) -> String {
     let mut own = text.to_string();
     for item in root.items.iter().filter(|i| i.key.as_deref().is_some_and(|k| registry.settings_of(k).is_some())) {
-        let mut range = item.key_span.start..item.value.span.end;
-        let after = &text[range.end..];
-        let comma = after.len() - after.trim_start().len();
-        if after[comma..].starts_with(',') {
-            range.end += comma + 1;
-        }
-        let blank = |c: char| std::iter::repeat_n(if c == '\n' { '\n' } else { ' ' }, c.len_utf8());
-        let blanks: String = text[range.clone()].chars().flat_map(blank).collect();
-        own.replace_range(range, &blanks);
+        blank_out(&mut own, item.key_span.start..item.value.span.end);
     }
     own
 }

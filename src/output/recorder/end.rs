@@ -7,7 +7,7 @@ use crate::output::history::History;
 use crate::output::measured::{Probes, measures};
 use crate::output::plot::{Axis, Plot, Series, panels};
 use crate::output::summary::{DtLimit, Energies, Lists, Quality, Summary, finite, state_hash};
-use crate::output::{quality, timing};
+use crate::output::{provenance, quality, timing};
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
 use crate::step::Clock;
@@ -42,7 +42,8 @@ impl Recorder<'_> {
         if self.plots
             && let Some(history) = &self.history
         {
-            write_atomic(&self.folder.join("history.svg"), self.plot(history).as_bytes())?;
+            let plot = provenance::xml_comment(&self.provenance) + &self.plot(history);
+            write_atomic(&self.folder.join("history.svg"), plot.as_bytes())?;
         }
         let summary = self.summary(sim, status, wall, cpu);
         summary.write(&self.folder.join("summary.json"))?;
@@ -86,6 +87,7 @@ impl Recorder<'_> {
         Summary {
             scene: self.name.clone(),
             version: env!("CARGO_PKG_VERSION").into(),
+            provenance: provenance::map(&self.provenance),
             status: status.into(),
             time: finite(clock.time),
             steps: clock.step,

@@ -102,7 +102,7 @@ impl<'a> Recorder<'a> {
         }
         for (name, frames) in [("results.pvd", &self.frames), ("contacts.pvd", &self.contact_frames)] {
             let path = self.folder.join(name);
-            if frames.is_empty() { remove(&path)? } else { vtp::write_series(&path, frames)? }
+            if frames.is_empty() { remove(&path)? } else { vtp::write_series(&path, frames, &self.provenance)? }
         }
         Ok(())
     }

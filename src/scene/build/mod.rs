@@ -4,6 +4,7 @@ mod check;
 mod elements;
 mod generators;
 mod hints;
+mod lints;
 mod loads;
 mod material;
 mod refine;
@@ -19,6 +20,7 @@ use super::spans::{Path, Value};
 use crate::components::NodeId;
 use crate::generate::BraidLayout;
 use crate::measure::Probe;
+use crate::memory;
 use crate::model::{Material, Model, Section};
 use crate::registry::{Build, Registry, SpecError};
 use std::collections::BTreeMap;
@@ -39,6 +41,8 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         amplitudes: BTreeMap::new(),
         time_scale: None,
         problems: Vec::new(),
+        claimed: 0,
+        memory: memory::of_machine(),
     };
     b.add_materials(scene);
     b.add_amplitudes(scene);
@@ -59,6 +63,8 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
     }
     if b.problems.is_empty() {
         b.add_settings(scene);
+    } else {
+        b.check_syntax_of_settings(scene);
     }
     let probes = b.probes(scene);
     b.check_refine(scene);
@@ -73,7 +79,7 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
 pub(super) struct Built {
     pub model: Model,
     pub probes: Vec<(String, Probe)>,
-    pub hints: Vec<String>,
+    pub hints: Vec<Problem>,
 }
 
 /// The model under construction, with what names mean.
@@ -94,6 +100,9 @@ struct Builder<'a> {
     /// The time tF of a load along a period, and its dummy node.
     time_scale: Option<(f64, NodeId)>,
     problems: Vec<Problem>,
+    /// Memory that the generated structures will take, and that of the machine where it is known (bytes).
+    claimed: u64,
+    memory: Option<u64>,
 }
 
 /// A path that is known to be well formed.
@@ -116,11 +125,16 @@ impl Builder<'_> {
         f(&mut Build { model: &mut self.model, materials: &self.materials, sections: &self.sections })
     }
 
+    /// Notes a value that is wrong whatever stands elsewhere in the scene.
+    fn bad_value(&mut self, path: Path, message: impl Into<String>) {
+        self.problems.push(Problem { stands_alone: true, ..Problem::new(path, message) });
+    }
+
     /// Notes a value that is not above zero; true if it is.
     fn above_zero(&mut self, path: Path, what: &str, value: f64) -> bool {
         let good = value > 0.0;
         if !good {
-            self.problem(path, format!("{what} must be above zero, not {value}"));
+            self.bad_value(path, format!("{what} must be above zero, not {value}"));
         }
         good
     }
@@ -129,7 +143,7 @@ impl Builder<'_> {
     fn not_negative(&mut self, path: Path, what: &str, value: f64) -> bool {
         let good = value >= 0.0;
         if !good {
-            self.problem(path, format!("{what} must not be negative, {value} given"));
+            self.bad_value(path, format!("{what} must not be negative, {value} given"));
         }
         good
     }

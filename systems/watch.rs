@@ -144,7 +144,10 @@ impl Recent {
 
 /// What is wrong, with the row of its node where it has one.
 fn found(world: &mut World, eyes: &mut Eyes, recent: &mut Recent) -> Option<(Option<usize>, String)> {
-    strained(world, eyes).or_else(|| spinning(world, eyes)).or_else(|| collapsed(world, eyes, recent)).or_else(|| unbalanced(world, eyes, recent))
+    strained(world, eyes)
+        .or_else(|| spinning(world, eyes))
+        .or_else(|| collapsed(world, eyes, recent))
+        .or_else(|| unbalanced(world, eyes, recent))
 }
 
 /// The most strained element, if it is too much.

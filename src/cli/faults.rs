@@ -20,7 +20,7 @@ const SCENE: &str = r#"(
     probes: { "lowest": Min(Displacement(node: "f.points[1]", component: Z)) },
     integration: (axial: Explicit, dt: 0.0005),
     stop: (steps: 2500),
-    output: (frames: Count(4), history: Count(20), checkpoint: "4 ms"),
+    output: (frames: Count(4), history: Count(20), checkpoint: "4 ms", pictures: false),
 )"#;
 
 fn command(arguments: &[&str]) -> Result<(), Failure> {

@@ -129,13 +129,14 @@ fn shorten_steps(sim: &mut Simulation, retries: usize, before: usize) {
     sim.world.resource_mut::<Clock>().dt_target *= half(retries - before);
 }
 
-/// The header of a run that goes back to a state after a failure.
-pub(super) fn with_retry(good: &Header, failure: &FailureReport, safety: f64) -> Header {
-    let mut header = good.clone();
-    let safety = safety * 0.5f64.powi(good.retries.len() as i32 + 1);
+/// The header of a run that goes back to a state after a failure; `before` are the failures from which it has come back already,
+/// of which the state may not know yet.
+pub(super) fn with_retry(good: &Header, before: Vec<Retry>, failure: &FailureReport, safety: f64) -> Header {
+    let mut retries = before;
+    let safety = safety * 0.5f64.powi(retries.len() as i32 + 1);
     let FailureReport { time, step, message, .. } = failure;
-    header.retries.push(Retry { time: *time, step: *step, message: message.clone(), from_step: good.step, safety });
-    header
+    retries.push(Retry { time: *time, step: *step, message: message.clone(), from_step: good.step, safety });
+    Header { retries, ..good.clone() }
 }
 
 /// The wanted end time.

@@ -143,7 +143,7 @@ pub(super) fn simulation(plugins: &impl Plugin) -> Simulation {
 /// Runs to the end, or to a stop, and writes what belongs to it. A run that fails is tried again if its scene says so.
 pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool, plugins: &impl Plugin) -> Result<Outcome, Failure> {
     let Start { mut sim, loaded, recorder, store, header, resumed } = start;
-    let (interval, unit, retries) = (header.sample_interval, loaded.scene.units.time(), header.retries.len());
+    let (interval, unit, before) = (header.sample_interval, loaded.scene.units.time(), header.retries.clone());
     let progress = Progress::new(header.duration, unit, quiet);
     let folder = recorder.folder().to_owned();
     let begin = Instant::now();
@@ -162,16 +162,19 @@ pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool, plugins: &
     };
     let mut report = FailureReport::of(&mut sim, &error);
     // A failure is found up to one look after it began, and grows for a while before.
-    let before = 2 * u64::from(loaded.model.integration.monitor_every);
+    let steps = 2 * u64::from(loaded.model.integration.monitor_every);
     if let OnFailure::Retry(most) = loaded.scene.watch.on_failure
-        && retries < most as usize
+        && before.len() < most as usize
         && keeper.can_go_back()
     {
-        let (store, path, checkpoint) = keeper.go_back(&sim, before)?;
-        let header = resume::with_retry(&checkpoint.header, &report, loaded.model.integration.safety);
+        let (store, path, checkpoint) = keeper.go_back(&sim, steps)?;
+        let header = resume::with_retry(&checkpoint.header, before, &report, loaded.model.integration.safety);
         if !quiet {
-            let (step, safety) = (checkpoint.header.step, header.retries[retries].safety);
-            message::line(&format!("{error}\nback to step {step} with the safety factor {safety} (try {} of {most})", retries + 1));
+            let (tried, last) = (header.retries.len(), header.retries.last().expect("one was added"));
+            message::line(&format!(
+                "{error}\nback to step {} with the safety factor {} (try {tried} of {most})",
+                last.from_step, last.safety
+            ));
         }
         let found = Found { checkpoint, path, scene: loaded.text.clone(), passed_over: Vec::new() };
         let left = orders.time_limit.map(|limit| limit.saturating_sub(begin.elapsed()));
@@ -179,7 +182,7 @@ pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool, plugins: &
         return resume::go_on(store, found, header, &folder, &|_| orders.clone(), quiet, plugins);
     }
     // What was computed is kept; the numerical failure is the error to report.
-    if let Err(second) = keeper.fail(&mut sim, &mut report, before) {
+    if let Err(second) = keeper.fail(&mut sim, &mut report, steps) {
         message::line(&format!("also: {second}"));
     }
     message::line(&format!("what was computed is in {}", folder.display()));

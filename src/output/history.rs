@@ -3,10 +3,10 @@
 //! Lines that start with `#` hold the provenance; the header names every column with its unit,
 //! `kinetic [mJ]`. Numbers have all their digits (they read back as the same bits). Every row is
 //! flushed, so that the file can be watched and survives a crash.
+use super::disk::{self, DiskFile};
 use super::file::OutputError;
 use super::provenance;
 use serde::{Deserialize, Serialize};
-use super::disk::{self, DiskFile};
 use std::path::{Path, PathBuf};
 
 /// A column of the history.

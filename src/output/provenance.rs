@@ -12,7 +12,8 @@ pub const REVISION: &str = env!("BRAID_ECS_REVISION");
 
 /// Extensions of the processor that the program was built for.
 pub fn features() -> String {
-    let all = [("avx2", cfg!(target_feature = "avx2")), ("fma", cfg!(target_feature = "fma")), ("avx512f", cfg!(target_feature = "avx512f"))];
+    let all =
+        [("avx2", cfg!(target_feature = "avx2")), ("fma", cfg!(target_feature = "fma")), ("avx512f", cfg!(target_feature = "avx512f"))];
     let used: Vec<&str> = all.iter().filter(|f| f.1).map(|f| f.0).collect();
     if used.is_empty() { "none".into() } else { used.join(" ") }
 }

@@ -262,12 +262,16 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
         let near = nearest(word, names).map_or(String::new(), |n| format!("did you mean `{n}`? "));
         if names.is_empty() { format!("there are no {what} here") } else { format!("{near}valid {what}: {}", list(names)) }
     };
+    // The reader of a whole number stops at the point of `1.5` and misses a comma there.
+    let fraction = root.map(|r| r.around(span.start).1.span.clone()).and_then(|place| {
+        let word = &text[place.clone()];
+        (word.contains('.') && word.parse::<f64>().is_ok()).then(|| (word.to_string(), place))
+    });
     // Where brackets, commas or quotes are wrong, what follows cannot be told apart.
     let grammar = matches!(
         error.code,
         E::Eof
             | E::ExpectedArrayEnd
-            | E::ExpectedComma
             | E::ExpectedMapColon
             | E::ExpectedMapEnd
             | E::ExpectedStringEnd
@@ -278,7 +282,7 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
             | E::UnclosedLineComment
             | E::UnexpectedChar(_)
             | E::ExceededRecursionLimit
-    );
+    ) || matches!(error.code, E::ExpectedComma) && fraction.is_none();
     let (message, help) = match error.code {
         E::NoSuchStructField { expected, found, outer } => {
             span = near_word(&found).unwrap_or(span);
@@ -317,14 +321,23 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
             (format!("expected {expected}, found {found}"), None)
         }
         E::ExpectedString => (EXPECTED_TEXT.to_string(), None),
+        E::ExpectedComma if fraction.is_some() => {
+            let (word, place) = fraction.expect("just looked");
+            span = place;
+            (format!("expected a whole number, found `{word}`"), None)
+        }
+        E::ExpectedNamedStructLike(name) => {
+            (format!("expected the fields of {}", spoken(name)), Some("a group of fields is written (field: value, ...)".to_string()))
+        }
+        E::ExpectedIdentifier => {
+            ("expected the name of a choice".to_string(), Some("a choice is written Name, or Name(field: value, ...)".to_string()))
+        }
         E::ExceededRecursionLimit => ("the scene is nested too deeply".to_string(), None),
         other => {
             let m = other.to_string();
             let m = m.chars().next().map_or(String::new(), |c| c.to_lowercase().collect::<String>() + &m[c.len_utf8()..]);
             let help = match other {
-                E::ExpectedStructLike | E::ExpectedNamedStructLike(_) => {
-                    Some("a group of fields is written (field: value, ...)".to_string())
-                }
+                E::ExpectedStructLike => Some("a group of fields is written (field: value, ...)".to_string()),
                 E::ExpectedArray => Some("a list is written [first, second, ...]".to_string()),
                 E::ExpectedMap => Some("named entries are written {\"name\": value, ...}".to_string()),
                 E::ExpectedStringEnd => Some("the closing quote is missing".to_string()),

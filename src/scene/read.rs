@@ -1,7 +1,7 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
 use super::error::{Category, EXPECTED_TEXT, Problem, SceneError, SceneErrors, from_ron};
 use super::schema::{Scene, VERSIONS};
-use super::spans::{Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
+use super::spans::{Bracket, Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
 use super::{build, ron_options, set};
 use crate::measure::Probe;
@@ -257,17 +257,17 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
 pub(crate) const MOST_FAULTS: usize = 20;
 const MOST_TEXT: usize = 1 << 20;
 
-/// The first thing that the reader found wrong, and what else is: the entry of a list or map, or the field of a group, in
-/// which it stands is left out, and the rest is read again. Of the rest only what is wrong by itself is told.
+/// The first thing that the reader found wrong, and what else is: the field or entry in which it stands is left out, and the
+/// rest is read again. Of the model that then comes out only what is wrong by itself is told.
 fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
     let (mut text, mut problems) = (text.to_string(), vec![first]);
     let mut fault = problems[0].span.clone().filter(|_| problems[0].stands_alone && text.len() <= MOST_TEXT);
-    let mut left_out: Vec<String> = Vec::new();
+    let mut left_out: Vec<usize> = Vec::new();
     for _ in 0..MOST_FAULTS {
         let Some(at) = fault.take() else { break };
         let whole = tree(&text);
-        let Some((item, name)) = whole.root.as_ref().and_then(|root| wrong_item(root, at.start)) else { break };
-        left_out.extend(name);
+        let Some(item) = whole.root.as_ref().and_then(|root| wrong_item(root, at.start)) else { break };
+        left_out.push(item.start);
         blank_out(&mut text, item);
         let tree = tree(&text);
         match parse(&text, &tree, registry) {
@@ -278,8 +278,10 @@ fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
             }
             Err(problem) => {
                 fault = problem.span.clone().filter(|_| problem.stands_alone);
-                // A field that was left out is not missing.
-                if !left_out.iter().any(|name| problem.message.starts_with(&format!("field `{name}`"))) {
+                // What is missing where something was left out may be just that.
+                let group = tree.root.as_ref().map_or(0..0, |root| root.deepest(&problem.path).0.span.clone());
+                let consequence = problem.message.ends_with("is missing") && left_out.iter().any(|at| group.contains(at));
+                if !consequence {
                     problems.push(*problem);
                 }
             }
@@ -288,21 +290,26 @@ fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
     problems
 }
 
-/// The smallest part of a scene around the byte `at` without which the rest can be read: an entry of a list or map of the top
-/// level, else a field of a group there, else the whole item; with the name of the field. A second fault in what is left
-/// of a group takes the group.
-fn wrong_item(root: &Value, at: usize) -> Option<(Range<usize>, Option<String>)> {
-    let inside = |v: &Value| v.items.iter().position(|i| i.key_span.start.min(i.value.span.start) <= at && at < i.value.span.end.max(i.key_span.end + 1));
-    let item = &root.items[inside(root)?];
+/// The smallest part of a scene around the byte `at` without which the rest can be read: a field, an entry of a map, or a group in a
+/// list. Numbers of a list go with their list: points would have too few.
+fn wrong_item(root: &Value, at: usize) -> Option<Range<usize>> {
     let all = |item: &Item| item.key_span.start.min(item.value.span.start)..item.value.span.end;
-    // Without its units no number of a scene has a meaning.
-    if item.key.as_deref() == Some("units") {
-        return None;
+    let (mut value, mut found) = (root, None);
+    while let Some(item) = value.items.iter().find(|i| all(i).contains(&at)) {
+        let (keyed, listed) = (item.key.is_some(), value.bracket == Bracket::Square && item.value.bracket != Bracket::None);
+        // Without its units no number of a scene has a meaning.
+        if found.is_none() && item.key.as_deref() == Some("units") {
+            return None;
+        }
+        if keyed || listed {
+            found = Some(all(item));
+        }
+        if listed && item.value.bracket == Bracket::Square {
+            break;
+        }
+        value = &item.value;
     }
-    match inside(&item.value).map(|i| &item.value.items[i]) {
-        Some(inner) if item.value.bracket != super::spans::Bracket::None => Some((all(inner), inner.key.clone())),
-        _ => Some((all(item), item.key.clone())),
-    }
+    found
 }
 
 /// Blanks out a part of a text with the comma after it, so that everything else stays in its place.

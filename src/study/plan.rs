@@ -129,7 +129,8 @@ fn row(file: &StudyFile, draft: &Draft, name: String, plugins: &impl Plugin) -> 
     };
     let path = file.scene_path(scene);
     if !file.may_read(&path) {
-        let problem = Problem::new(place.clone(), format!("the scene `{scene}` lies outside the folder of the study and the working folder"));
+        let problem =
+            Problem::new(place.clone(), format!("the scene `{scene}` lies outside the folder of the study and the working folder"));
         return Err(vec![problem.help("allow it with --outside, or run the study from a folder above both")]);
     }
     let sets: Vec<(String, String)> = draft.sets.iter().map(|s| s.1.clone()).collect();

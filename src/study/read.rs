@@ -40,7 +40,8 @@ impl StudyFile {
         // A file that is not there has a message of its own.
         let Some(scene) = whole(scene) else { return true };
         let own = self.path.parent().and_then(whole);
-        self.outside || [own, std::env::current_dir().ok().and_then(|d| whole(&d))].into_iter().flatten().any(|folder| scene.starts_with(folder))
+        self.outside
+            || [own, std::env::current_dir().ok().and_then(|d| whole(&d))].into_iter().flatten().any(|folder| scene.starts_with(folder))
     }
 
     /// Problems with their places in the file.

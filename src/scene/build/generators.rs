@@ -98,7 +98,10 @@ impl Builder<'_> {
         self.claimed += elements as u64 * memory::PER_ELEMENT;
         let Some(machine) = self.memory.filter(|machine| self.claimed > *machine) else { return true };
         let (wanted, machine) = (memory::text(self.claimed), memory::text(machine));
-        let text = format!("the structure is too large for this machine: {} elements take the run to about {wanted} of memory, and {machine} are there", product());
+        let text = format!(
+            "the structure is too large for this machine: {} elements take the run to about {wanted} of memory, and {machine} are there",
+            product()
+        );
         self.problems.push(Problem::new(path.clone(), text).help("take fewer elements or filaments, or a machine with more memory"));
         false
     }

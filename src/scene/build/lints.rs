@@ -31,8 +31,24 @@ impl Builder<'_> {
         for (name, m) in &scene.materials {
             let path = at("materials").key(name);
             let field = |long: &str, short: &str| path.key(if self.root.find(&path.key(short)).is_some() { short } else { long });
-            hints.extend(self.unlikely(scene, field("density", "rho"), &format!("density of material `{name}`"), m.density.0, MASS_PER_VOLUME, DENSITY, "kg/m3"));
-            hints.extend(self.unlikely(scene, field("young", "E"), &format!("Young's modulus of material `{name}`"), m.young.0, STRESS, YOUNG, "Pa"));
+            hints.extend(self.unlikely(
+                scene,
+                field("density", "rho"),
+                &format!("density of material `{name}`"),
+                m.density.0,
+                MASS_PER_VOLUME,
+                DENSITY,
+                "kg/m3",
+            ));
+            hints.extend(self.unlikely(
+                scene,
+                field("young", "E"),
+                &format!("Young's modulus of material `{name}`"),
+                m.young.0,
+                STRESS,
+                YOUNG,
+                "Pa",
+            ));
             if m.poisson.0 >= 0.5 {
                 let text = format!("Poisson's ratio of material `{name}` is {}: it would be incompressible", m.poisson.0);
                 hints.push(Problem::new(field("poisson", "nu"), text).help("fibres have 0.2 to 0.45"));
@@ -47,7 +63,16 @@ impl Builder<'_> {
 
     /// A value outside the range of what exists, both in SI, with the factor that would bring it there.
     #[allow(clippy::too_many_arguments)]
-    fn unlikely(&self, scene: &Scene, path: Path, what: &str, value: f64, powers: [i32; 3], range: [f64; 2], unit: &str) -> Option<Problem> {
+    fn unlikely(
+        &self,
+        scene: &Scene,
+        path: Path,
+        what: &str,
+        value: f64,
+        powers: [i32; 3],
+        range: [f64; 2],
+        unit: &str,
+    ) -> Option<Problem> {
         let si = value * scene.units.si(powers)?;
         let [low, high] = range;
         if (low..=high).contains(&si) {
@@ -71,8 +96,12 @@ impl Builder<'_> {
             };
             let (length, diameter) = shortest;
             if length < diameter {
-                let text = format!("elements are shorter than their diameter: {length:.3e} against {diameter:.3e} {}", scene.units.length());
-                hints.push(Problem::new(path.clone(), text).help("contact needs segments longer than thick: take fewer elements, or check the radius"));
+                let text =
+                    format!("elements are shorter than their diameter: {length:.3e} against {diameter:.3e} {}", scene.units.length());
+                hints.push(
+                    Problem::new(path.clone(), text)
+                        .help("contact needs segments longer than thick: take fewer elements, or check the radius"),
+                );
             }
             hints.extend(self.unlikely(scene, path.clone(), "the radius of the filaments", 0.5 * diameter, LENGTH, RADIUS, "m"));
         }

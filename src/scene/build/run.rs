@@ -76,13 +76,13 @@ impl Builder<'_> {
         let spec = &scene.integration;
         let safety = spec.safety.0;
         if !(safety > 0.0 && safety < 1.0) {
-            self.problem(at("integration.safety"), format!("the safety factor must be above 0 and below 1, not {safety}"));
+            self.bad_value(at("integration.safety"), format!("the safety factor must be above 0 and below 1, not {safety}"));
         }
         if let Some(dt) = spec.dt {
             self.above_zero(at("integration.dt"), "the time step", dt.0);
         }
         if spec.monitor_every == 0 {
-            self.problem(at("integration.monitor_every"), "monitor_every must be at least 1");
+            self.bad_value(at("integration.monitor_every"), "monitor_every must be at least 1");
         }
         self.not_negative(at("integration.bulk_viscosity"), "the bulk viscosity", spec.bulk_viscosity.0);
         if let RotaryInertiaSpec::Scaled(f) = spec.rotary_inertia {
@@ -142,10 +142,13 @@ impl Builder<'_> {
             self.above_zero(at("watch").key(key), &format!("the limit on the {key}"), value);
         }
         if !(0.0..1.0).contains(&watch.time_step) {
-            self.problem(at("watch.time_step"), format!("the smallest time step is a share of the settled one: at least 0 and below 1, not {}", watch.time_step));
+            self.bad_value(
+                at("watch.time_step"),
+                format!("the smallest time step is a share of the settled one: at least 0 and below 1, not {}", watch.time_step),
+            );
         }
         if spec.on_failure == OnFailure::Retry(0) || matches!(spec.on_failure, OnFailure::Retry(n) if n > MOST_RETRIES) {
-            self.problem(at("watch.on_failure"), format!("a run is tried again between 1 and {MOST_RETRIES} times"));
+            self.bad_value(at("watch.on_failure"), format!("a run is tried again between 1 and {MOST_RETRIES} times"));
         }
         if matches!(spec.on_failure, OnFailure::Retry(_)) && self.model.integration.dt.is_some() {
             self.problems.push(
@@ -190,7 +193,7 @@ impl Builder<'_> {
         self.above_zero(path.key("interval"), "the interval of the steady state", interval.0);
         self.above_zero(path.key("change"), "the relative change of the steady state", spec.change.0);
         if spec.repeats == 0 {
-            self.problem(path.key("repeats"), "repeats must be at least 1");
+            self.bad_value(path.key("repeats"), "repeats must be at least 1");
         }
         let earliest = spec.earliest.get_or_insert_default().0;
         self.not_negative(path.key("earliest"), "the earliest steady state", earliest);

@@ -1,0 +1,66 @@
+//! `braid-ecs check`: what is implausible, with its place, and what a run would need.
+#[path = "support/program.rs"]
+mod program;
+use braid_ecs::memory;
+use program::Bench;
+
+const ROPE: &str = r#"(
+    units: MmNTonne,
+    materials: {
+        "glass": (young: 72e9, poisson: 0.5, density: "2.58 kg/m3"),
+    },
+    bundles: [(name: "b", radius: 2, length: 5, elements: 4, filaments: 1, material: "glass", start: Pinned, end: Pinned)],
+    stop: (time: 1e-6),
+)"#;
+
+#[test]
+fn implausible_numbers_are_hinted_at_with_their_places() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("a.ron"), ROPE).unwrap();
+    let out = bench.expect(0, &["check", "a.ron"]).out;
+    let expected = [
+        "a.ron:4:26: hint: materials.glass.young: Young's modulus of material `glass` is 7.200e16 Pa, and fibres have 1e6 to 2e12; 1e-6 times that would be usual: is the unit right?",
+        "a.ron:4:41: hint: materials.glass.poisson: Poisson's ratio of material `glass` is 0.5: it would be incompressible",
+        "a.ron:4:55: hint: materials.glass.density: density of material `glass` is 2.580e0 kg/m3, and fibres have 5e2 to 2.5e4; 1e3 times that would be usual: is the unit right?",
+        "a.ron:6:15: hint: bundles[0]: elements are shorter than their diameter: 1.250e0 against 4.000e0 mm",
+        "help: a unit can stand with the number: \"72 GPa\", \"2.58 g/cm3\", \"2.5 um\"",
+    ];
+    for line in expected {
+        assert!(out.contains(line), "{line} is missing in\n{out}");
+    }
+    // A run says that there are some.
+    let err = bench.expect(0, &["a.ron", "--out", "r"]).err;
+    assert!(err.contains("4 hints: braid-ecs check a.ron"), "{err}");
+}
+
+#[test]
+fn a_braid_without_room_for_its_tows_jams() {
+    let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/embedded7.ron").display().to_string();
+    let bench = Bench::new();
+    let sound = bench.expect(0, &["check", &scene]).out;
+    assert!(!sound.contains("hint"), "{sound}");
+    for row in ["time step", "steps", "duration", "memory"] {
+        assert!(sound.contains(row), "{sound}");
+    }
+    // Tows of one direction stand 2 pi R cos(angle) / 6 apart.
+    let tight =
+        bench.run(&["check", &scene, "--set", "tow.filament_radius=0.35 mm", "--set", "mandrel.shape=Square(side: \"0.1 mm\")"]).out;
+    assert!(tight.contains("hint: braid: the braid jams") && tight.contains("(cover factor over 1)"), "{tight}");
+}
+
+#[test]
+fn more_than_the_machine_has_is_refused_before_it_is_built() {
+    let Some(machine) = memory::of_machine() else { return };
+    let elements = machine / memory::PER_ELEMENT * 5 / 4 / 12;
+    if elements * 12 > 50_000_000 {
+        return;
+    }
+    let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/embedded7.ron").display().to_string();
+    let bench = Bench::new();
+    let sets = [format!("tow.elements={elements}"), "tow.filaments=1".into()];
+    let err = bench.expect(3, &["check", &scene, "--set", &sets[0], "--set", &sets[1]]).err;
+    let (wanted, there) = (memory::text(elements * 12 * memory::PER_ELEMENT), memory::text(machine));
+    let message =
+        format!("too large for this machine: 12 x 1 x {elements} elements take the run to about {wanted} of memory, and {there} are there");
+    assert!(err.contains(&message), "{err}\n{message}");
+}

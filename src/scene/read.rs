@@ -5,6 +5,7 @@ use super::spans::{Bracket, Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
 use super::{build, ron_options, set};
 use crate::measure::Probe;
+use crate::memory;
 use crate::model::Model;
 use crate::registry::{Registry, SpecError, nearest};
 use crate::simulation::SimulationError;
@@ -104,6 +105,20 @@ pub(crate) fn text_of(path: &std::path::Path, what: &str) -> Result<String, Scen
 /// # Errors
 /// Everything that is wrong with the scene, with its place.
 pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: &Registry) -> Result<LoadedScene, SceneErrors> {
+    load_text_within(memory::of_machine(), name, text, sets, registry)
+}
+
+/// Like [`load_text`], and refuses generated structures that would take a run to more than `memory` (bytes), where it is known.
+///
+/// # Errors
+/// Everything that is wrong with the scene, with its place.
+pub fn load_text_within(
+    memory: Option<u64>,
+    name: &str,
+    text: String,
+    sets: &[(String, String)],
+    registry: &Registry,
+) -> Result<LoadedScene, SceneErrors> {
     let original = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
     let mut sets = sets.to_vec();
     loop {
@@ -121,11 +136,11 @@ pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: 
                     sets[at].1 = format!("{:?}", sets[at].1);
                     continue;
                 }
-                return fail(further(*problem, &edited, registry));
+                return fail(further(*problem, &edited, registry, memory));
             }
         };
         let root = tree.root.as_ref().expect("an empty scene was refused");
-        return match build::build(&mut scene, &edited, root, registry) {
+        return match build::build(&mut scene, &edited, root, registry, memory) {
             Ok(built) => {
                 let (path, mut model) = (PathBuf::from(name), built.model);
                 model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
@@ -259,7 +274,7 @@ const MOST_TEXT: usize = 1 << 20;
 
 /// The first thing that the reader found wrong, and what else is: the field or entry in which it stands is left out, and the
 /// rest is read again. Of the model that then comes out only what is wrong by itself is told.
-fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
+fn further(first: Problem, text: &str, registry: &Registry, memory: Option<u64>) -> Vec<Problem> {
     let (mut text, mut problems) = (text.to_string(), vec![first]);
     let mut fault = problems[0].span.clone().filter(|_| problems[0].stands_alone && text.len() <= MOST_TEXT);
     let mut left_out: Vec<usize> = Vec::new();
@@ -273,7 +288,7 @@ fn further(first: Problem, text: &str, registry: &Registry) -> Vec<Problem> {
         match parse(&text, &tree, registry) {
             Ok(mut scene) => {
                 let root = tree.root.as_ref().expect("a scene was read");
-                let more = build::build(&mut scene, &text, root, registry).err().unwrap_or_default();
+                let more = build::build(&mut scene, &text, root, registry, memory).err().unwrap_or_default();
                 problems.extend(more.into_iter().filter(|p| p.stands_alone));
             }
             Err(problem) => {

@@ -20,14 +20,13 @@ use super::spans::{Path, Value};
 use crate::components::NodeId;
 use crate::generate::BraidLayout;
 use crate::measure::Probe;
-use crate::memory;
 use crate::model::{Material, Model, Section};
 use crate::registry::{Build, Registry, SpecError};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Builds the model of a scene; automatic values of the scene are filled in.
-pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry) -> Result<Built, Vec<Problem>> {
+pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry, memory: Option<u64>) -> Result<Built, Vec<Problem>> {
     let mut b = Builder {
         text,
         root,
@@ -42,7 +41,7 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         time_scale: None,
         problems: Vec::new(),
         claimed: 0,
-        memory: memory::of_machine(),
+        memory,
     };
     b.add_materials(scene);
     b.add_amplitudes(scene);
@@ -100,7 +99,7 @@ struct Builder<'a> {
     /// The time tF of a load along a period, and its dummy node.
     time_scale: Option<(f64, NodeId)>,
     problems: Vec<Problem>,
-    /// Memory that the generated structures will take, and that of the machine where it is known (bytes).
+    /// Memory that the generated structures will take, and what there is where it is known (bytes).
     claimed: u64,
     memory: Option<u64>,
 }

@@ -43,7 +43,8 @@ fn a_braid_without_room_for_its_tows_jams() {
         assert!(sound.contains(row), "{sound}");
     }
     // Tows of one direction stand 2 pi R cos(angle) / 6 apart.
-    let sets = ["tow.filament_radius=0.09 mm", "tow.elements=5", "mandrel.shape=Square(side: \"0.1 mm\")", "contact.initial_overlap=Offset"];
+    let sets =
+        ["tow.filament_radius=0.09 mm", "tow.elements=5", "mandrel.shape=Square(side: \"0.1 mm\")", "contact.initial_overlap=Offset"];
     let sets = sets.iter().flat_map(|s| ["--set", s]);
     let tight = bench.expect(0, &["check", &scene].into_iter().chain(sets).collect::<Vec<_>>()).out;
     assert!(tight.contains("hint: braid: the braid jams") && tight.contains("(cover factor over 1)"), "{tight}");

@@ -236,7 +236,14 @@ fn what_is_probably_not_meant_is_hinted_at() {
     for name in ["cantilever", "two_filaments", "strand_1x7", "lattice_pbc", "embedded7"] {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
         let loaded = scene::load(&file, &[], &Simulation::new(default_plugins).registry).unwrap_or_else(|e| panic!("{e}"));
-        assert!(loaded.hints.is_empty(), "{name}: {}", loaded.hints[0]);
+        // The strand is finer than its wires are thick, as its known answer asks for.
+        let hints: Vec<String> = loaded
+            .hints
+            .iter()
+            .map(|h| h.to_string())
+            .filter(|h| name != "strand_1x7" || !h.contains("shorter than their diameter"))
+            .collect();
+        assert_eq!(hints, Vec::<String>::new(), "{name}");
     }
 }
 

@@ -99,8 +99,9 @@ impl Builder<'_> {
                 let text =
                     format!("elements are shorter than their diameter: {length:.3e} against {diameter:.3e} {}", scene.units.length());
                 hints.push(
-                    Problem::new(path.clone(), text)
-                        .help("contact needs segments longer than thick: take fewer elements, or check the radius"),
+                    Problem::new(path.clone(), text).help(
+                        "fewer elements are as good and quicker, for contact sees filaments as smooth curves; or is the radius wrong?",
+                    ),
                 );
             }
             hints.extend(self.unlikely(scene, path.clone(), "the radius of the filaments", 0.5 * diameter, LENGTH, RADIUS, "m"));

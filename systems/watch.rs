@@ -4,7 +4,7 @@
 //! |---|---|
 //! | strain | an element with axial stiffness is stretched or squeezed by more than [`Watch::strain`] of its initial length; an element that is turned inside out has been squeezed before |
 //! | rotation | a node turns by more than [`Watch::rotation`] radian in one step |
-//! | balance | more than [`Watch::balance`] of the largest energy is not accounted for, [`PATIENCE`] looks in a row |
+//! | balance | more than [`Watch::balance`] of the largest energy is not accounted for, sixteen looks in a row |
 //! | time step | the step has shrunk below [`Watch::time_step`] of what it was when the run had settled |
 //!
 //! Numbers that are not finite and runaway energy are found in `energy.rs`, deep contacts in `contact/monitor.rs`.
@@ -70,7 +70,7 @@ pub struct Look {
 /// The last looks, the oldest first, and what the watch remembers between them.
 #[derive(Resource, Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Recent {
-    /// At most [`KEPT`] of them.
+    /// At most sixteen of them.
     pub looks: VecDeque<Look>,
     /// Looks in a row with a bad balance.
     out_of_balance: u32,

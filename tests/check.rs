@@ -66,3 +66,33 @@ fn more_than_the_machine_has_is_refused_before_it_is_built() {
         format!("too large for this machine: 12 x 1 x {elements} elements take the run to about {wanted} of memory, and {there} are there");
     assert!(err.contains(&message), "{err}\n{message}");
 }
+
+#[test]
+fn every_output_tells_what_made_it() {
+    let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/two_filaments.ron").display().to_string();
+    let bench = Bench::new();
+    bench.expect(0, &[&scene, "--out", "r", "--set", "stop.time=0.1 ms", "--set", "seed=42"]);
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(bench.path("r/summary.json")).unwrap()).unwrap();
+    let made = &json["provenance"];
+    for key in ["program", "revision", "scene", "scene_hash", "units", "seed", "target", "features"] {
+        assert!(made[key].as_str().is_some_and(|v| !v.is_empty()), "{key}: {made}");
+    }
+    assert_eq!((made["seed"].as_str(), made["scene"].as_str()), (Some("42"), Some("two_filaments")));
+    assert!(json["threads"].as_u64() > Some(0));
+    let hash = made["scene_hash"].as_str().unwrap();
+    let holds = |file: &str, word: &str| {
+        let bytes = std::fs::read(bench.path("r").join(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+        assert!(bytes.windows(word.len()).any(|w| w == word.as_bytes()), "{word} is missing in {file}");
+    };
+    for file in
+        ["history.csv", "history.svg", "results.pvd", "contacts.pvd", "scene.resolved.ron", "status.json", "final.png", "initial.png"]
+    {
+        holds(file, hash);
+    }
+    // Values of frames are packed.
+    for file in ["frames/0000.vtp", "frames/contacts_0000.vtp"] {
+        holds(file, "Name=\"scene_hash\"");
+        holds(file, "Name=\"revision\"");
+    }
+    holds("checkpoints/end.ckpt", braid_ecs::output::provenance::REVISION);
+}

@@ -10,6 +10,7 @@ const ROPE: &str = r#"(
         "glass": (young: 72e9, poisson: 0.5, density: "2.58 kg/m3"),
     },
     bundles: [(name: "b", radius: 2, length: 5, elements: 4, filaments: 1, material: "glass", start: Pinned, end: Pinned)],
+    contact: (),
     stop: (time: 1e-6),
 )"#;
 
@@ -48,6 +49,24 @@ fn a_braid_without_room_for_its_tows_jams() {
     let sets = sets.iter().flat_map(|s| ["--set", s]);
     let tight = bench.expect(0, &["check", &scene].into_iter().chain(sets).collect::<Vec<_>>()).out;
     assert!(tight.contains("hint: braid: the braid jams") && tight.contains("(cover factor over 1)"), "{tight}");
+}
+
+#[test]
+fn a_period_that_matches_only_some_nodes_is_hinted_at() {
+    let scene = r#"(
+        units: Consistent,
+        sections: { "s": Stiffness(ea: 1, mass: 1) },
+        nodes: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1.1, 0]],
+        elements: { "truss": [(nodes: [0, 1], section: "s"), (nodes: [2, 3], section: "s"), (nodes: [0, 2], section: "s")] },
+        periodic: (dummies: { "p": [1, 0, 0] }, matching: true),
+        fixed: [(nodes: [0], dofs: [U])],
+        integration: (axial: Explicit),
+        stop: (time: 1),
+    )"#;
+    let bench = Bench::new();
+    std::fs::write(bench.path("a.ron"), scene).unwrap();
+    let out = bench.expect(0, &["check", "a.ron"]).out;
+    assert!(out.contains("a.ron:6:19: hint: periodic: the period [1, 0, 0] matches only 1 of the 2 nodes of its far face"), "{out}");
 }
 
 #[test]

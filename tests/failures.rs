@@ -119,6 +119,10 @@ fn a_retry_goes_back_with_half_the_time_step_and_says_so() {
     // It comes out the same every time.
     run(0, "again", "Retry(4)");
     assert_same(&bench.path("r"), &bench.path("again"), "again");
+    // It runs on with the shorter step, and comes where a longer run comes.
+    bench.expect(0, &["resume", "again", "--until", "8 s", "--threads", "1"]);
+    bench.expect(0, &[&["a.ron", "--out", "long", "--set", "watch.on_failure=Retry(4)", "--set", "stop.time=8"][..], &sets].concat());
+    assert_eq!(summary(&bench.path("again"))["state_hash"], summary(&bench.path("long"))["state_hash"]);
     // Too few tries: the run fails.
     let failed = run(5, "short", "Retry(1)");
     assert!(failed.err.contains("try 1 of 1") && failed.err.contains("error: numerical failure"), "{}", failed.err);

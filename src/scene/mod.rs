@@ -4,13 +4,15 @@
 //! |---|---|
 //! | text to tree of byte ranges | `spans.rs` |
 //! | `--set path=value` edits the text | `set.rs` |
+//! | more than one fault | `faults.rs` |
 //! | text to [`Scene`](schema::Scene), quantities converted to scene units | `read.rs`, `schema/`, `units.rs` |
 //! | scene to model, physics checked | `build/` |
 //! | the same scene on a finer mesh | `refined.rs` |
 //! | what is wrong, where, what would be right | `error.rs` |
 mod build;
 pub mod error;
-pub(crate) mod read;
+mod faults;
+mod read;
 mod refined;
 pub mod schema;
 mod set;

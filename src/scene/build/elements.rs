@@ -2,7 +2,7 @@
 use super::{Builder, at};
 use crate::registry::{ElementKind, ReadError, SpecError};
 use crate::scene::error::{Problem, from_ron};
-use crate::scene::read::{MOST_FAULTS, blank_out};
+use crate::scene::faults::{MOST_FAULTS, blank_out};
 use crate::scene::schema::Scene;
 use crate::scene::spans::{Path, Value};
 

@@ -58,6 +58,7 @@ impl Builder<'_> {
         if let Some(braid) = &self.braid {
             hints.extend(jammed(braid));
         }
+        hints.extend(self.unmatched_faces());
         hints
     }
 
@@ -89,13 +90,15 @@ impl Builder<'_> {
     /// Filaments that are too thin or thick to be fibres, and elements shorter than their diameter: one hint per entry of the scene.
     fn filament_sizes(&self, scene: &Scene) -> Vec<Problem> {
         let mut hints = Vec::new();
+        let touches = ["contact", "mandrel", "surfaces"].iter().any(|key| self.root.find(&at(key)).is_some());
         for (path, filaments) in &self.sources {
             let touching = || self.model.filaments[filaments.clone()].iter().filter(|f| f.contact);
             let Some(shortest) = touching().filter_map(|f| self.shortest(f)).min_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1))) else {
                 continue;
             };
             let (length, diameter) = shortest;
-            if length < diameter {
+            // Where nothing touches, thick beams are just thick; and many meshes are exactly as long as thick.
+            if touches && length < 0.999 * diameter {
                 let text =
                     format!("elements are shorter than their diameter: {length:.3e} against {diameter:.3e} {}", scene.units.length());
                 hints.push(
@@ -107,6 +110,30 @@ impl Builder<'_> {
             hints.extend(self.unlikely(scene, path.clone(), "the radius of the filaments", 0.5 * diameter, LENGTH, RADIUS, "m"));
         }
         hints
+    }
+
+    /// Faces of a periodic structure of which only some nodes have an image: probably the period or the mesh does not match.
+    fn unmatched_faces(&self) -> Vec<Problem> {
+        let nodes = &self.model.nodes;
+        let mut paired = vec![false; nodes.len()];
+        self.model.periodic.iter().for_each(|p| paired[p.image.row()] = true);
+        let mut tied = vec![false; nodes.len()];
+        self.model.ties.iter().for_each(|t| tied[t.embedded.row()] = true);
+        let dummies = nodes.iter().filter(|n| n.dummy && n.position.length() > 0.0);
+        let of_period = |period: glam::DVec3| {
+            let along = |i: usize| nodes[i].position.dot(period) / period.length_squared();
+            let free = || (0..nodes.len()).filter(|i| !nodes[*i].dummy && !tied[*i]);
+            let far = free().map(along).fold(f64::NEG_INFINITY, f64::max);
+            // Relative to the period: far more than rounding, far less than an element.
+            let face: Vec<usize> = free().filter(|i| along(*i) > far - 1e-6).collect();
+            let alone = face.iter().filter(|i| !paired[**i]).count();
+            (0 < alone && alone < face.len()).then(|| {
+                let text = format!("the period {period} matches only {} of the {} nodes of its far face", face.len() - alone, face.len());
+                Problem::new(at("periodic"), text)
+                    .help("are period and mesh those of the structure? Nodes without an image are a free end there")
+            })
+        };
+        dummies.filter_map(|d| of_period(d.position)).collect()
     }
 
     /// Length of the shortest segment of a filament, and the diameter.

@@ -96,6 +96,21 @@ fn every_watch_has_its_message() {
 }
 
 #[test]
+fn a_contact_that_gives_way_is_named_with_the_node_beside_it() {
+    let two = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/two_filaments.ron").display().to_string();
+    let bench = Bench::new();
+    let sets = ["--set", "contact.stiffness=0.001", "--set", "output.pictures=false"];
+    let err = bench.expect(5, &[&[two.as_str(), "--out", "r"][..], &sets].concat()).err;
+    assert!(err.contains("filaments 0 and 1 press") && err.contains("contact      filaments 0 and 1: gap"), "{err}");
+    let report = json(&bench, "r/failure.json");
+    // The wires cross in the middle: node 2 of each.
+    assert!(report["node"]["place"].as_str().unwrap().contains("node 2 of 5"), "{report}");
+    assert_eq!(report["elements"].as_array().unwrap().len(), 2, "two beams meet there");
+    let depths: Vec<f64> = report["looks"].as_array().unwrap().iter().map(|l| l["penetration"].as_f64().unwrap()).collect();
+    assert!(depths.len() == 16 && depths.is_sorted() && depths[15] > 1.0, "{depths:?}");
+}
+
+#[test]
 fn a_retry_goes_back_with_half_the_time_step_and_says_so() {
     let bench = bench(TURNED);
     let sets = ["--set", "watch.rotation=0.02", "--threads", "1"];

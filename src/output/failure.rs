@@ -138,7 +138,7 @@ impl FailureReport {
 }
 
 /// Row of the node where the failure shows: what the watch has found, else the first number that is not finite, else
-/// the deepest contact, else the node with most kinetic energy.
+/// a contact pressed in by more than its radius, else the node with most kinetic energy.
 fn suspect(world: &mut World, states: &[NodeState], contacts: &[ContactReport]) -> Option<usize> {
     if let Some(row) = world.get_resource::<Suspect>().and_then(|s| s.0) {
         return Some(row);
@@ -149,8 +149,8 @@ fn suspect(world: &mut World, states: &[NodeState], contacts: &[ContactReport]) 
         return Some(row);
     }
     let depth = |c: &ContactReport| (-c.gap - c.offset) / c.radius;
-    let deepest = contacts.iter().filter(|c| c.normal_force > 0.0).max_by(|a, b| depth(a).total_cmp(&depth(b)));
-    if let Some(c) = deepest.filter(|c| depth(c) > 1.0) {
+    // The first one, as the message names it.
+    if let Some(c) = contacts.iter().find(|c| c.normal_force > 0.0 && depth(c) > 1.0) {
         let distance = |s: &NodeState| (s.x - c.place).length_squared();
         return (0..states.len()).min_by(|a, b| distance(&states[*a]).total_cmp(&distance(&states[*b])));
     }

@@ -16,6 +16,7 @@ pub mod kit;
 pub mod lane;
 pub mod ledger;
 pub mod measure;
+pub mod memory;
 pub mod model;
 pub mod output;
 pub mod parallel;

@@ -244,6 +244,25 @@ impl Default for Integration {
     }
 }
 
+/// What a sound run never shows; see `systems/watch.rs`. Infinite (`time_step`: zero) where it is not looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watch {
+    /// Largest change of the length of an element with axial stiffness over its initial length.
+    pub strain: f64,
+    /// Largest rotation of a node in one step (radian).
+    pub rotation: f64,
+    /// Largest work that is not accounted for over the largest energy.
+    pub balance: f64,
+    /// Smallest time step over that of the settled run.
+    pub time_step: f64,
+}
+
+impl Default for Watch {
+    fn default() -> Self {
+        Watch { strain: 0.5, rotation: 0.5, balance: 0.5, time_step: 1e-3 }
+    }
+}
+
 /// A uniform acceleration of all masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyForce {
@@ -284,6 +303,8 @@ pub struct Model {
     pub integration: Integration,
     /// Stop criteria.
     pub stop: Stop,
+    /// When the run is given up.
+    pub watch: Watch,
     elements: BTreeMap<&'static str, Box<dyn Any + Send + Sync>>,
     sections: Vec<(TypeId, Box<dyn Any + Send + Sync>)>,
 }

@@ -21,6 +21,9 @@ pub enum Status {
 }
 
 impl Status {
+    /// The word in `summary.json` for a run that has failed, which is no way to end.
+    pub const FAILED: &'static str = "failed";
+
     /// The word for it in `summary.json`.
     pub fn word(self) -> &'static str {
         match self {

@@ -10,7 +10,7 @@
 //!  7 Condensation    forces of dependents to independents (T^t f)       systems/boundary.rs, constraint.rs
 //!  8 Dynamics        v += dt f/m ; damping ; implicit axial tension ;   systems/integration.rs, axial_implicit/,
 //!                    kinematic surfaces                                 surface/kinematic.rs
-//!  9 Monitor         energies, finite check, adaptive damping, next dt  systems/energy.rs, adaptive_damping.rs, time_step.rs
+//!  9 Monitor         energies, watch, adaptive damping, next dt         systems/energy.rs, watch.rs, adaptive_damping.rs, time_step.rs
 //! 10 Output          samples of histories and probes                    src/output/
 //! ```
 //!

@@ -1,5 +1,6 @@
 //! The energy ledger at monitor steps, and the watch for numbers that went wrong.
 use crate::systems::axial_implicit::AxialChains;
+use crate::systems::watch::{self, NodePlaces};
 use braid_ecs::prelude::*;
 
 /// Registers the energy ledger and the finite check.
@@ -70,6 +71,7 @@ pub fn take_energies(world: &mut World) {
         let message = blame(world, fastest, &what);
         world.resource_mut::<Failure>().0.get_or_insert(message);
     }
+    watch::look(world);
 }
 
 /// Largest energy that was ever put in (force x length).
@@ -82,7 +84,7 @@ const RUNAWAY: f64 = 10.0;
 const SETTLED: u64 = 100;
 
 /// Energy of a model that moves by the rounding of its coordinates in every step.
-fn rounding(world: &mut World) -> f64 {
+pub(super) fn rounding(world: &mut World) -> f64 {
     let dt = world.resource::<Clock>().dt_next;
     let mut nodes = world.query::<(&Position, &Mass)>();
     nodes.iter(world).map(|(x, m)| m.0 * (f64::EPSILON * x.0.length() / dt).powi(2)).sum()
@@ -138,14 +140,10 @@ fn not_finite(world: &mut World) -> Option<String> {
 fn blame(world: &World, row: usize, what: &str) -> String {
     let clock = world.resource::<Clock>();
     let id = world.resource::<NodeRows>().id(row);
-    let place = world.get_resource::<NodePlaces>().and_then(|p| p.0.get(id.row()).cloned().flatten());
+    let place = world.get_resource::<NodePlaces>().and_then(|p| p.text(id));
     let place = place.map_or(String::new(), |p| format!(" ({p})"));
     format!(
         "node {}{place} {what}; the time step {:.3e} was limited by {} to {:.3e}. Likely causes: a time step above the stable limit, a contact far stiffer than its nodes are heavy, or a load without support. Try integration: (safety: 0.5)",
         id.0, clock.dt, clock.limited_by, clock.dt_limit
     )
 }
-
-/// Where nodes sit ("tow 3, filament 2, node 17"), for messages.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct NodePlaces(pub Vec<Option<String>>);

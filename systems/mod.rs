@@ -15,6 +15,7 @@ pub mod surface;
 pub mod time_step;
 pub mod truss;
 pub mod units;
+pub mod watch;
 
 /// The first-party systems. The order is the order of the sums: loads, elements, then the rest
 /// inside each set of the step.
@@ -29,6 +30,7 @@ pub fn default_plugins(sim: &mut Simulation) {
     constraint::plugin(sim);
     integration::plugin(sim);
     boundary::plugin(sim);
+    watch::plugin(sim);
     axial_implicit::plugin(sim);
     surface::kinematic::plugin(sim);
     boundary::work_plugin(sim);

@@ -21,6 +21,11 @@ struct StepRule {
     every: u64,
 }
 
+/// Multiplies the safety factor: a run that is tried again takes smaller steps, from the next one on.
+pub fn scale_safety(world: &mut World, factor: f64) {
+    world.resource_mut::<StepRule>().safety *= factor;
+}
+
 fn install(cx: &mut Install<'_>) {
     let i = &cx.model.integration;
     // Linear bulk viscosity b lowers the limit to sqrt(1 + b^2) - b.

@@ -96,13 +96,21 @@ fn a_braid_on_its_mandrel_and_periodic_trusses_go_on_too() {
     }
 }
 
+/// Kills a run, and then its resumed rest; `BRAID_KILLS` tells how many times, over a run that is then longer.
 #[test]
 fn killed_at_any_moment_it_ends_with_the_same_bits() {
+    let kills: u64 = std::env::var("BRAID_KILLS").map_or(12, |n| n.parse().expect("a number of kills"));
     let bench = Bench::new();
     let wires = wires(&["stop.time=4 ms", "output.pictures=false"]);
+    let begin = Instant::now();
     unbroken(&bench, &wires);
-    // Moments that spread over the run; a generator would make failures hard to repeat.
-    for (i, wait) in [20, 70, 120, 170, 230, 310].into_iter().enumerate() {
+    let whole = begin.elapsed();
+    let (mut killed, mut resumed) = (0, 0);
+    for i in 0.. {
+        if killed >= kills {
+            break;
+        }
+        assert!(i < 10 * kills, "runs end before they are killed");
         let folder = format!("killed{i}");
         let mut all: Vec<&str> = wires.iter().map(String::as_str).collect();
         all.extend(["--quiet", "--threads", "1", "--out", &folder]);
@@ -111,23 +119,27 @@ fn killed_at_any_moment_it_ends_with_the_same_bits() {
         while !first.exists() && child.try_wait().unwrap().is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
-        for again in 0..2 {
-            std::thread::sleep(Duration::from_millis(wait));
-            child.kill().unwrap();
-            let killed = done(child);
-            if killed.code.is_some() {
+        for again in 0..3 {
+            if again < 2 {
+                // Moments that spread over the run: multiples of the golden section, which repeat nowhere.
+                let share = ((2 * i + again) as f64 * 0.618_033_988_749_895).fract();
+                std::thread::sleep(whole.mul_f64(0.6 * share));
+                child.kill().unwrap();
+            }
+            let end = done(child);
+            if end.code.is_some() {
+                assert_eq!(end.code, Some(0), "{}", end.err);
                 break;
             }
+            killed += 1;
+            resumed += 1;
             let more: &[&str] = if again == 0 { &[] } else { &["--threads", "2"] };
             child = bench.start(&[&["resume", folder.as_str(), "--quiet"], more].concat());
-            if again == 1 {
-                let last = done(child);
-                assert_eq!(last.code, Some(0), "{}", last.err);
-                break;
-            }
         }
         assert_same(&bench.path("whole"), &bench.path(&folder), &folder);
+        std::fs::remove_dir_all(bench.path(&folder)).unwrap();
     }
+    println!("{killed} kills, {resumed} resumed runs: the same files");
 }
 
 #[test]

@@ -227,7 +227,8 @@ fn what_is_probably_not_meant_is_hinted_at() {
         amplitudes: { "later": Ramp(rise: 1) },
         stop: (steady: (interval: 1)),
     )"#;
-    let hints = load(text, &[]).unwrap_or_else(|e| panic!("{e}")).hints.join("\n");
+    let hints = load(text, &[]).unwrap_or_else(|e| panic!("{e}")).hints;
+    let hints = hints.iter().map(|h| h.to_string()).collect::<Vec<_>>().join("\n");
     for part in
         ["material `brass` is not used", "amplitude `later` is not used", "the 7 filaments do not feel each other", "without damping"]
     {
@@ -236,7 +237,14 @@ fn what_is_probably_not_meant_is_hinted_at() {
     for name in ["cantilever", "two_filaments", "strand_1x7", "lattice_pbc", "embedded7"] {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
         let loaded = scene::load(&file, &[], &Simulation::new(default_plugins).registry).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(loaded.hints, Vec::<String>::new(), "{name}");
+        // The strand is finer than its wires are thick, as its known answer asks for.
+        let hints: Vec<String> = loaded
+            .hints
+            .iter()
+            .map(|h| h.to_string())
+            .filter(|h| name != "strand_1x7" || !h.contains("shorter than their diameter"))
+            .collect();
+        assert_eq!(hints, Vec::<String>::new(), "{name}");
     }
 }
 

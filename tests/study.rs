@@ -453,3 +453,17 @@ fn the_studies_of_the_project_are_sound() {
     names.sort();
     assert_eq!(names, ["cantilever", "convergence", "filaments", "friction", "load", "mesh", "paper"]);
 }
+
+#[test]
+fn a_study_reads_no_scene_outside_unless_asked() {
+    let (dir, elsewhere) = (folder(), folder());
+    let far = elsewhere.path().join("strip.ron").display().to_string();
+    std::fs::write(dir.path().join("far.ron"), STUDY.replace("\"strip.ron\"", &format!("{far:?}"))).unwrap();
+    let (code, _, err) = program(dir.path(), &["study", "far.ron"]);
+    assert_eq!(code, 3, "{err}");
+    let message =
+        format!("scene: the scene `{far}` lies outside the folder of the study and the working folder\n  help: allow it with --outside");
+    assert!(err.contains(&message), "{err}");
+    let (code, _, err) = program(dir.path(), &["study", "far.ron", "--outside", "--jobs", "2"]);
+    assert_eq!(code, 0, "{err}");
+}

@@ -105,7 +105,7 @@ fn a_whole_number_of_blocks_has_no_partial_one() {
 fn the_series_lists_times_and_files() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("results.pvd");
-    write_series(&path, &[(0.0, "frames/0000.vtp".into()), (1.5e-3, "frames/0001.vtp".into())]).unwrap();
+    write_series(&path, &[(0.0, "frames/0000.vtp".into()), (1.5e-3, "frames/0001.vtp".into())], &[]).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("timestep=\"0e0\" part=\"0\" file=\"frames/0000.vtp\""), "{text}");
     assert!(text.contains("timestep=\"1.5e-3\" part=\"0\" file=\"frames/0001.vtp\""), "{text}");

@@ -10,6 +10,7 @@
 //! The first and the last line of the table stay as they are in every format version, so that a
 //! damaged file can be told from one of another version.
 use crate::output::recorder::RecorderState;
+use crate::output::summary::Retry;
 use crate::run::Status;
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +18,7 @@ const MAGIC: &[u8; 8] = b"braidckp";
 const CHECKSUM: usize = blake3::OUT_LEN;
 
 /// Version of the format that is written and read.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// BLAKE3 of the text of a scene after `--set`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +42,8 @@ impl std::fmt::Display for SceneHash {
 pub struct Header {
     /// Version of the program that wrote it.
     pub program: String,
+    /// Revision of its sources.
+    pub revision: String,
     /// The scene file of the run, for its name.
     pub scene: String,
     /// The scene after `--set`.
@@ -57,6 +60,8 @@ pub struct Header {
     pub until: Option<f64>,
     /// How the run has ended with this step, if it has.
     pub ended: Option<Status>,
+    /// Failures after which the run has gone back.
+    pub retries: Vec<Retry>,
 }
 
 /// A checkpoint.
@@ -149,6 +154,7 @@ mod tests {
     fn checkpoint(program: &str) -> Checkpoint {
         let header = Header {
             program: program.into(),
+            revision: "a".into(),
             scene: "a.ron".into(),
             scene_hash: SceneHash::of("a"),
             step: 7,
@@ -157,6 +163,7 @@ mod tests {
             duration: None,
             until: None,
             ended: None,
+            retries: Vec::new(),
         };
         Checkpoint { header, recorder: RecorderState::default(), state: (0..200).collect() }
     }
@@ -181,9 +188,9 @@ mod tests {
         assert!(of(env!("CARGO_PKG_VERSION"), "b").to_string().contains("another scene"));
         let mut newer = checkpoint("9.9.9").encode().unwrap();
         newer.truncate(newer.len() - CHECKSUM);
-        newer[8] = 2;
+        newer[8] = FORMAT as u8 + 1;
         let sum = *blake3::hash(&newer).as_bytes();
         newer.extend(sum);
-        assert_eq!(Checkpoint::decode(&newer, SceneHash::of("a")).unwrap_err(), Fault::Format(2));
+        assert_eq!(Checkpoint::decode(&newer, SceneHash::of("a")).unwrap_err(), Fault::Format(FORMAT + 1));
     }
 }

@@ -2,12 +2,16 @@
 use super::format::{Checkpoint, Header};
 use super::store::{Kind, Store};
 use crate::output::control::Command;
+use crate::output::failure::{FailureReport, LastGood};
 use crate::output::pace::Pace;
+use crate::output::provenance;
 use crate::output::status::{RunStatus, RunningState};
 use crate::output::{Outcome, OutputError, Recorder};
 use crate::run::{Observer, Status};
 use crate::simulation::{Simulation, SimulationError};
 use crate::step::Clock;
+use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -26,6 +30,10 @@ pub struct Orders {
 /// How often `status.json` is replaced and a command looked for.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
+/// Steps between two states that are kept in memory, to go back to when the run fails. Saving one takes as long as ten to
+/// twenty steps. Counting steps and not seconds makes runs that are tried again come out the same every time.
+const GOOD_EVERY: u64 = 4096;
+
 /// A recorder and what else watches over the run: an [`Observer`] that can stop it and lets it be resumed.
 pub struct Keeper<'a> {
     recorder: Recorder<'a>,
@@ -40,6 +48,8 @@ pub struct Keeper<'a> {
     last: Option<Instant>,
     looked: Option<Instant>,
     stopped: bool,
+    /// States that were good, the older one first; see [`GOOD_EVERY`].
+    good: VecDeque<Checkpoint>,
     /// The checkpoint of the last step; it is written after the outputs, which could not be made from it.
     end: Option<Checkpoint>,
     notes: Vec<String>,
@@ -47,15 +57,22 @@ pub struct Keeper<'a> {
 }
 
 impl<'a> Keeper<'a> {
-    /// A keeper for a run that begins or, with `resumed`, goes on. `header` says what the run is; `unit`
+    /// A keeper for a run that begins or goes on from the checkpoint `resumed`. `header` says what the run is; `unit`
     /// is that of the time.
-    pub fn new(recorder: Recorder<'a>, store: Store, header: Header, resumed: bool, orders: Orders, unit: &str) -> Self {
+    pub fn new(mut recorder: Recorder<'a>, store: Store, header: Header, resumed: Option<Checkpoint>, orders: Orders, unit: &str) -> Self {
         let begin = Instant::now();
         let name = std::path::Path::new(&header.scene).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
+        recorder.tell_retries(&header.retries);
         // A command to an earlier run is not meant for this one.
         let _ = Command::take(recorder.folder());
         Keeper {
-            status: RunStatus { scene: name, unit: unit.into(), ..Default::default() },
+            status: RunStatus {
+                scene: name,
+                unit: unit.into(),
+                provenance: provenance::map(recorder.provenance()),
+                threads: rayon::current_num_threads(),
+                ..Default::default()
+            },
             recorder,
             store,
             header,
@@ -63,9 +80,10 @@ impl<'a> Keeper<'a> {
             pace: Pace::default(),
             beat: Beat::default(),
             begin,
-            last: resumed.then_some(begin),
+            last: resumed.is_some().then_some(begin),
             looked: None,
             stopped: false,
+            good: resumed.into_iter().collect(),
             end: None,
             notes: Vec::new(),
             error: None,
@@ -86,17 +104,17 @@ impl<'a> Keeper<'a> {
     ///
     /// # Errors
     /// What the operating system says.
-    pub fn finish(mut self, sim: &mut Simulation, word: &str) -> Result<Outcome, OutputError> {
+    pub fn finish(&mut self, sim: &mut Simulation, word: &str) -> Result<Outcome, OutputError> {
         self.take_status(sim);
         let folder = self.recorder.folder().to_owned();
         let outcome = self.recorder.finish(sim, word).and_then(|outcome| match &self.end {
-            Some(end) => self.store.put(Kind::End, end).map(|_| outcome),
+            Some(end) => self.recorder.sync().and_then(|()| self.store.put(Kind::End, end)).map(|_| outcome),
             None => Ok(outcome),
         });
         self.status.eta_s = None;
         self.status.state = match word {
             "stopped" if outcome.is_ok() => RunningState::Stopped,
-            _ if word == "failed" || outcome.is_err() => RunningState::Failed,
+            _ if word == Status::FAILED || outcome.is_err() => RunningState::Failed,
             _ => RunningState::Finished,
         };
         let _ = self.status.write(&folder);
@@ -106,6 +124,56 @@ impl<'a> Keeper<'a> {
     /// Marks the run as failed where nothing else can be written any more.
     pub fn give_up(&mut self, sim: &Simulation) {
         self.write_status(sim, RunningState::Failed);
+    }
+
+    /// The newest state that is `before` steps older than the failure in the present step, or else the oldest that is known.
+    fn last_good(&mut self, sim: &Simulation, before: u64) -> Option<Checkpoint> {
+        let step = sim.world.resource::<Clock>().step;
+        let old = self.good.iter().rposition(|c| c.header.step + before <= step).unwrap_or(0);
+        self.good.remove(old)
+    }
+
+    /// True if a good state is known: from the first step on.
+    pub fn can_go_back(&self) -> bool {
+        !self.good.is_empty()
+    }
+
+    /// Puts the last good state, from `before` steps ago, into the folder, so that the run can go back to it; gives the
+    /// folder and the state back.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    ///
+    /// # Panics
+    /// Where [`Keeper::can_go_back`] says no.
+    pub fn go_back(mut self, sim: &Simulation, before: u64) -> Result<(Store, PathBuf, Checkpoint), OutputError> {
+        let good = self.last_good(sim, before).expect("a good state is known");
+        self.recorder.sync()?;
+        let path = self.store.put(Kind::Good, &good)?;
+        Ok((self.store, path, good))
+    }
+
+    /// Writes what a failed run leaves: all outputs, checkpoint and frame of the last good state, the report.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn fail(&mut self, sim: &mut Simulation, report: &mut FailureReport, before: u64) -> Result<(), OutputError> {
+        let good = self.last_good(sim, before);
+        self.finish(sim, Status::FAILED)?;
+        if let Some(good) = good {
+            self.recorder.sync()?;
+            let path = self.store.put(Kind::Good, &good)?;
+            let checkpoint = path.strip_prefix(self.recorder.folder()).unwrap_or(&path).display().to_string();
+            let Header { step, time, .. } = good.header;
+            // The world of the failure has been written down.
+            let frame = match sim.restore_state(&good.state) {
+                Ok(()) => self.recorder.frame_of_last_good(sim)?,
+                Err(_) => None,
+            };
+            report.last_good = Some(LastGood { step, time, checkpoint, frame });
+        }
+        report.provenance = provenance::map(self.recorder.provenance());
+        report.write(self.recorder.folder())
     }
 
     fn take_status(&mut self, sim: &Simulation) {
@@ -130,6 +198,7 @@ impl<'a> Keeper<'a> {
 
     fn save(&mut self, sim: &mut Simulation, kind: Kind) -> Result<(), OutputError> {
         let checkpoint = self.checkpoint(sim, None)?;
+        self.recorder.sync()?;
         let path = self.store.put(kind, &checkpoint)?;
         self.last = Some(Instant::now());
         let Header { step, time, .. } = checkpoint.header;
@@ -163,6 +232,13 @@ impl<'a> Keeper<'a> {
     }
 
     fn between_steps(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        if self.good.is_empty() || sim.world.resource::<Clock>().step.is_multiple_of(GOOD_EVERY) {
+            let checkpoint = self.checkpoint(sim, None)?;
+            if self.good.len() == 2 {
+                self.good.pop_front();
+            }
+            self.good.push_back(checkpoint);
+        }
         if let Some(now) = self.beat.tick() {
             if self.looked.is_none_or(|t| now - t >= LOOK_EVERY) {
                 self.look(sim, now)?;

@@ -5,10 +5,12 @@
 //! | `scene.ron` | the scene after `--set`, with which the run goes on |
 //! | `a.ckpt`, `b.ckpt` | the last two checkpoints; the older one is overwritten |
 //! | `stopped.ckpt` | where the run was stopped |
+//! | `good.ckpt` | the last good state of a run that has failed |
 //! | `end.ckpt` | where it ended; the others are then gone |
 //! | `lock` | held by the program that runs |
 use super::format::{Checkpoint, Fault, Header, SceneHash};
 use crate::output::OutputError;
+use crate::output::disk;
 use crate::output::file::{lock, remove, sync_folder, write_atomic};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -54,15 +56,18 @@ pub enum Kind {
     Ring,
     /// At a stop from outside.
     Stopped,
+    /// The last good state before a failure.
+    Good,
     /// At the end of the run.
     End,
 }
 
 const RING: [&str; 2] = ["a.ckpt", "b.ckpt"];
 const STOPPED: &str = "stopped.ckpt";
+const GOOD: &str = "good.ckpt";
 const END: &str = "end.ckpt";
 const SCENE: &str = "scene.ron";
-const ALL: [&str; 4] = [RING[0], RING[1], STOPPED, END];
+const ALL: [&str; 5] = [RING[0], RING[1], STOPPED, GOOD, END];
 
 /// The folder, held by this program.
 pub struct Store {
@@ -116,7 +121,7 @@ impl Store {
     /// What the operating system says; a run that is going on there.
     pub fn create(out: &Path, scene: &str) -> Result<Self, CheckpointError> {
         let folder = folder_of(out);
-        fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
+        disk::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
         let lock = hold(out)?;
         ALL.iter().try_for_each(|name| remove(&folder.join(name)))?;
         write_atomic(&folder.join(SCENE), scene.as_bytes())?;
@@ -198,7 +203,7 @@ impl Store {
                 Ok(Ok(_)) => remove(&path)?,
                 _ => {
                     let aside = path.with_extension("ckpt.unusable");
-                    fs::rename(&path, &aside).map_err(|e| OutputError::io("move aside", &path, e))?;
+                    disk::rename(&path, &aside).map_err(|e| OutputError::io("move aside", &path, e))?;
                 }
             }
         }
@@ -213,6 +218,7 @@ impl Store {
         let name = match kind {
             Kind::Ring => RING[self.next],
             Kind::Stopped => STOPPED,
+            Kind::Good => GOOD,
             Kind::End => END,
         };
         let path = self.folder.join(name);
@@ -221,7 +227,7 @@ impl Store {
         sync_folder(&self.folder)?;
         match kind {
             Kind::Ring => self.next = 1 - self.next,
-            Kind::Stopped => {}
+            Kind::Stopped | Kind::Good => {}
             Kind::End => {
                 ALL.iter().filter(|n| **n != END).try_for_each(|n| remove(&self.folder.join(n)))?;
                 // A program that was killed while it wrote has left half a file.

@@ -3,6 +3,7 @@ use super::SceneArgs;
 use super::message::{Failure, out};
 use super::progress::duration_text;
 use super::run::notes;
+use crate::memory;
 use crate::run::{self, expected_duration};
 use crate::scene;
 use crate::simulation::{NodeRows, Plugin, Simulation};
@@ -34,7 +35,7 @@ fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
     let row = |name: &str, text: String| out(&format!("  {name:<12} {text}"));
     out(&format!("{}: the scene is sound", args.scene.scene.display()));
     for hint in &loaded.hints {
-        out(&format!("  hint: {hint}"));
+        out(&hint.line("hint: "));
     }
     let dummies = model.nodes.iter().filter(|n| n.dummy).count();
     let rows = sim.world.resource::<NodeRows>().len();
@@ -59,16 +60,10 @@ fn try_out(args: &CheckArgs, plugins: impl Plugin) -> Result<(), Failure> {
         }
         None => row("steps", "unknown: the end depends on the steady state alone".into()),
     }
-    if let Some(memory) = peak_memory() {
-        row("memory", format!("{memory:.0} MiB"));
+    if let Some(peak) = memory::peak() {
+        let machine = memory::of_machine().map_or(String::new(), |m| format!(", of {} that this machine has", memory::text(m)));
+        row("memory", format!("{} with the first contacts{machine}", memory::text(peak)));
     }
     notes(&sim);
     Ok(())
-}
-
-/// Largest memory of this process so far in MiB, where the system tells (Linux).
-fn peak_memory() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    Some(line.split_whitespace().next()?.parse::<f64>().ok()? / 1024.0)
 }

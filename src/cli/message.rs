@@ -1,6 +1,7 @@
 //! What can go wrong, how it is said, and the exit code it gives.
 use crate::checkpoint::CheckpointError;
 use crate::output::OutputError;
+use crate::output::failure::FailureReport;
 use crate::scene::LoadedScene;
 use crate::scene::error::SceneErrors;
 use crate::simulation::SimulationError;
@@ -17,6 +18,8 @@ pub enum Failure {
     Scene(Box<SceneErrors>),
     /// The model cannot be built or the run has failed.
     Simulation(SimulationError),
+    /// A run has failed; what is known about where and how.
+    Run(SimulationError, Box<FailureReport>),
     /// A result cannot be written.
     Output(OutputError),
     /// A study cannot be run.
@@ -47,7 +50,7 @@ impl Failure {
         match self {
             Failure::Usage(_) => 2,
             Failure::Scene(e) => e.category.exit_code(),
-            Failure::Simulation(SimulationError::Numerical { .. }) => 5,
+            Failure::Simulation(SimulationError::Numerical { .. }) | Failure::Run(..) => 5,
             Failure::Simulation(_) => 3,
             Failure::Output(_) | Failure::Study(_) => 4,
             Failure::Rows(_) => 5,
@@ -62,6 +65,7 @@ impl Failure {
             Failure::Usage(e) => format!("error: {e}"),
             Failure::Scene(e) => format!("error: {e}"),
             Failure::Simulation(e) => format!("error: {e}"),
+            Failure::Run(e, report) => format!("error: {e}\n{report}"),
             Failure::Output(e @ OutputError::Occupied { path }) => {
                 let go_on = if path.join("study.json").exists() { "with --resume" } else { "if it is unfinished: braid-ecs resume DIR" };
                 format!(

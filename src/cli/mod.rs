@@ -12,6 +12,8 @@
 //! | 130 | given up with a second Ctrl-C; `resume DIR` goes on from the last checkpoint |
 mod bench;
 mod check;
+#[cfg(test)]
+mod faults;
 mod message;
 mod plugins;
 mod processor;

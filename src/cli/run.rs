@@ -1,19 +1,22 @@
 //! `braid-ecs SCENE`: runs a scene.
 use super::message::{self, Failure};
 use super::progress::{Progress, Watcher};
-use super::{SceneArgs, report, signals};
-use crate::checkpoint::{CheckpointError, Header, Keeper, Orders, SceneHash, Store, store};
+use super::{SceneArgs, report, resume, signals};
+use crate::checkpoint::{Checkpoint, CheckpointError, Found, Header, Keeper, Orders, SceneHash, Store, store};
 use crate::model::Model;
+use crate::output::failure::FailureReport;
+use crate::output::provenance::REVISION;
 use crate::output::{Outcome, Recorder, file, timing};
 use crate::parallel;
 use crate::run::{self, Status, expected_duration};
-use crate::scene::schema::OutputSpec;
+use crate::scene::schema::{OnFailure, OutputSpec};
 use crate::scene::units::WallTime;
 use crate::scene::{LoadedScene, load};
 use crate::simulation::{NodeRows, Notes, Plugin, Simulation, SimulationError};
 use crate::step::Clock;
 use clap::Args;
 use std::path::PathBuf;
+use std::time::Instant;
 
 /// Arguments of a run besides the scene.
 #[derive(Args, Debug)]
@@ -61,8 +64,8 @@ pub(super) fn time_sets(sim: &mut Simulation, model: &Model) {
 }
 
 /// Runs a scene, prints the outcome.
-pub(super) fn run(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin + Send) -> Result<(), Failure> {
-    let outcome = scene.with_threads(|| simulate(scene, args, plugins))??;
+pub(super) fn run(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin + Send + Sync) -> Result<(), Failure> {
+    let outcome = scene.with_threads(|| simulate(scene, args, &plugins))??;
     conclude(&outcome, &args.watch)
 }
 
@@ -74,9 +77,9 @@ pub(super) fn conclude(outcome: &Outcome, watch: &WatchArgs) -> Result<(), Failu
     if outcome.summary.status == Status::Stopped.word() { Err(Failure::Stopped(outcome.folder.clone())) } else { Ok(()) }
 }
 
-fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<Outcome, Failure> {
+fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: &impl Plugin) -> Result<Outcome, Failure> {
     let quiet = args.watch.quiet;
-    let mut sim = Simulation::new(plugins);
+    let mut sim = simulation(plugins);
     let loaded = load(&scene.scene, &scene.sets, &sim.registry)?;
     let model = &loaded.model;
     time_sets(&mut sim, model);
@@ -95,6 +98,10 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
         let (name, nodes) = (loaded.name(), model.nodes.len());
         message::line(&format!("{name}: {nodes} nodes, {} elements; results go to {}", elements(&sim, model), folder.display()));
         notes(&sim);
+        if !loaded.hints.is_empty() {
+            let (n, file) = (loaded.hints.len(), loaded.path.display());
+            message::line(&format!("{n} hint{}: braid-ecs check {file}", if n == 1 { "" } else { "s" }));
+        }
     }
     let dt = sim.world.resource::<Clock>().dt_target;
     let duration = expected_duration(model, dt);
@@ -102,6 +109,7 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
     let recorder = Recorder::new(&loaded, &mut sim, &folder, duration)?;
     let header = Header {
         program: env!("CARGO_PKG_VERSION").into(),
+        revision: REVISION.into(),
         scene: loaded.path.display().to_string(),
         scene_hash: SceneHash::of(&loaded.text),
         step: 0,
@@ -111,9 +119,10 @@ fn simulate(scene: &SceneArgs, args: &RunArgs, plugins: impl Plugin) -> Result<O
         duration,
         until: None,
         ended: None,
+        retries: Vec::new(),
     };
     let orders = args.watch.orders(&loaded.scene.output);
-    carry_on(Start { sim, loaded: &loaded, recorder, store, header, resumed: false }, orders, quiet)
+    carry_on(Start { sim, loaded: &loaded, recorder, store, header, resumed: None }, orders, quiet, plugins)
 }
 
 /// A run that can begin or go on.
@@ -123,16 +132,23 @@ pub(super) struct Start<'a> {
     pub recorder: Recorder<'a>,
     pub store: Store,
     pub header: Header,
-    pub resumed: bool,
+    /// The checkpoint from which it goes on.
+    pub resumed: Option<Checkpoint>,
 }
 
-/// Runs to the end, or to a stop, and writes what belongs to it.
-pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool) -> Result<Outcome, Failure> {
+/// An empty simulation with the plugins of the program.
+pub(super) fn simulation(plugins: &impl Plugin) -> Simulation {
+    Simulation::new(|sim: &mut Simulation| plugins.build(sim))
+}
+
+/// Runs to the end, or to a stop, and writes what belongs to it. A run that fails is tried again if its scene says so.
+pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool, plugins: &impl Plugin) -> Result<Outcome, Failure> {
     let Start { mut sim, loaded, recorder, store, header, resumed } = start;
-    let (interval, unit) = (header.sample_interval, loaded.scene.units.time());
+    let (interval, unit, before) = (header.sample_interval, loaded.scene.units.time(), header.retries.clone());
     let progress = Progress::new(header.duration, unit, quiet);
     let folder = recorder.folder().to_owned();
-    let mut keeper = Keeper::new(recorder, store, header, resumed, orders, unit);
+    let begin = Instant::now();
+    let mut keeper = Keeper::new(recorder, store, header, resumed, orders.clone(), unit);
     let mut watcher = Watcher { keeper: &mut keeper, progress };
     let rows = sim.world.resource::<NodeRows>().len();
     let ended = parallel::awake(rows, || run::continue_run(&mut sim, &loaded.model, interval, &mut watcher));
@@ -141,18 +157,38 @@ pub(super) fn carry_on(start: Start<'_>, orders: Orders, quiet: bool) -> Result<
         keeper.give_up(&sim);
         return Err(error.into());
     }
-    match ended {
-        Ok(status) => Ok(keeper.finish(&mut sim, status.word())?),
-        Err(error @ SimulationError::Numerical { .. }) => {
-            // What was computed is kept; the numerical failure is the error to report.
-            if let Err(second) = keeper.finish(&mut sim, "failed") {
-                message::line(&format!("also: {second}"));
-            }
-            message::line(&format!("what was computed is in {}", folder.display()));
-            Err(error.into())
+    let error = match ended {
+        Ok(status) => return Ok(keeper.finish(&mut sim, status.word())?),
+        Err(error @ SimulationError::Numerical { .. }) => error,
+        Err(error) => return Err(error.into()),
+    };
+    let mut report = FailureReport::of(&mut sim, &error);
+    // A failure is found up to one look after it began, and grows for a while before.
+    let steps = 2 * u64::from(loaded.model.integration.monitor_every);
+    if let OnFailure::Retry(most) = loaded.scene.watch.on_failure
+        && before.len() < most as usize
+        && keeper.can_go_back()
+    {
+        let (store, path, checkpoint) = keeper.go_back(&sim, steps)?;
+        let header = resume::with_retry(&checkpoint.header, before, &report, loaded.model.integration.safety);
+        if !quiet {
+            let (tried, last) = (header.retries.len(), header.retries.last().expect("one was added"));
+            message::line(&format!(
+                "{error}\nback to step {} with the safety factor {} (try {tried} of {most})",
+                last.from_step, last.safety
+            ));
         }
-        Err(error) => Err(error.into()),
+        let found = Found { checkpoint, path, scene: loaded.text.clone(), passed_over: Vec::new() };
+        let left = orders.time_limit.map(|limit| limit.saturating_sub(begin.elapsed()));
+        let orders = Orders { time_limit: left, ..orders };
+        return resume::go_on(store, found, header, &folder, &|_| orders.clone(), quiet, plugins);
     }
+    // What was computed is kept; the numerical failure is the error to report.
+    if let Err(second) = keeper.fail(&mut sim, &mut report, steps) {
+        message::line(&format!("also: {second}"));
+    }
+    message::line(&format!("what was computed is in {}", folder.display()));
+    Err(Failure::Run(error, Box::new(report)))
 }
 
 /// Number of elements of all kinds.

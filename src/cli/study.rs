@@ -31,6 +31,9 @@ pub(super) struct StudyArgs {
     /// Move an earlier study aside (to <folder>.1, .2, ...) instead of refusing.
     #[arg(long)]
     force: bool,
+    /// Let the study use scenes outside its folder and the working folder.
+    #[arg(long)]
+    outside: bool,
     /// Print nothing but errors.
     #[arg(long, short)]
     quiet: bool,
@@ -38,7 +41,8 @@ pub(super) struct StudyArgs {
 
 /// Runs a study and prints its table.
 pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure> {
-    let file = study::load(&args.file)?;
+    let mut file = study::load(&args.file)?;
+    file.outside = args.outside;
     let plan = Plan::new(file, &plugins)?;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = args.jobs.map_or(processors, usize::from);

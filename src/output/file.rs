@@ -1,4 +1,5 @@
 //! Files that are either whole or absent, and the folder that a run writes into.
+use super::disk;
 use serde::Serialize;
 use std::fs;
 use std::io::Write;
@@ -70,7 +71,7 @@ pub fn json(value: &impl Serialize) -> Vec<u8> {
 /// # Errors
 /// What the operating system says.
 pub fn remove(path: &Path) -> Result<(), OutputError> {
-    match fs::remove_file(path) {
+    match disk::remove_file(path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(OutputError::io("remove", path, e)),
         _ => Ok(()),
     }
@@ -104,12 +105,12 @@ fn write_part(path: &Path, bytes: &[u8], sync: bool) -> Result<(), OutputError> 
     name.push(".part");
     let part = path.with_file_name(name);
     let write = || -> std::io::Result<()> {
-        let mut file = fs::File::create(&part)?;
+        let mut file = disk::create(&part)?;
         file.write_all(bytes)?;
         if sync {
             file.sync_all()?;
         }
-        fs::rename(&part, path)
+        disk::rename(&part, path)
     };
     write().map_err(|e| {
         // The unfinished file would only confuse; the first error is the one to report.
@@ -140,10 +141,10 @@ pub fn claim_folder(folder: &Path, force: bool) -> Result<Option<PathBuf>, Outpu
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let free = (1u32..).map(|i| folder.with_file_name(format!("{name}.{i}"))).find(|p| !p.exists());
         let aside = free.expect("some number is free");
-        fs::rename(folder, &aside).map_err(|e| OutputError::io("move aside", folder, e))?;
+        disk::rename(folder, &aside).map_err(|e| OutputError::io("move aside", folder, e))?;
         moved = Some(aside);
     }
-    fs::create_dir_all(folder).map_err(|e| OutputError::io("create the folder", folder, e))?;
+    disk::create_dir_all(folder).map_err(|e| OutputError::io("create the folder", folder, e))?;
     Ok(moved)
 }
 

@@ -3,9 +3,10 @@
 //! Lines that start with `#` hold the provenance; the header names every column with its unit,
 //! `kinetic [mJ]`. Numbers have all their digits (they read back as the same bits). Every row is
 //! flushed, so that the file can be watched and survives a crash.
+use super::disk::{self, DiskFile};
 use super::file::OutputError;
+use super::provenance;
 use serde::{Deserialize, Serialize};
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// A column of the history.
@@ -43,7 +44,7 @@ pub struct HistoryState {
 /// The open file and what plots need of it.
 pub struct History {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    writer: csv::Writer<DiskFile>,
     columns: Vec<Column>,
     kept: Vec<Vec<f64>>,
     stride: u64,
@@ -60,11 +61,8 @@ impl History {
     pub fn create(path: &Path, provenance: &[(String, String)], columns: Vec<Column>) -> Result<Self, OutputError> {
         use std::io::Write;
         let fail = |e: std::io::Error| OutputError::io("write", path, e);
-        let mut file = File::create(path).map_err(fail)?;
-        for (key, value) in provenance {
-            // A line break in a value must not leave the comment.
-            writeln!(file, "# {key}: {}", value.replace(['\n', '\r'], " ")).map_err(fail)?;
-        }
+        let mut file = disk::create(path).map_err(fail)?;
+        file.write_all(provenance::lines(provenance, "#").as_bytes()).map_err(fail)?;
         let writer = csv::Writer::from_writer(file);
         let mut history = History { path: path.to_owned(), writer, columns, kept: Vec::new(), stride: 1, rows: 0, bytes: 0 };
         let header: Vec<String> = history.columns.iter().map(Column::header).collect();
@@ -72,14 +70,21 @@ impl History {
         Ok(history)
     }
 
-    /// Where the file ends now; it is on the disk when this returns.
+    /// The state now.
     ///
     /// # Errors
     /// What the operating system says.
     pub fn state(&self) -> Result<HistoryState, OutputError> {
-        let file = self.writer.get_ref();
-        let bytes = file.sync_data().and_then(|()| file.metadata()).map_err(|e| OutputError::io("write", &self.path, e))?.len();
+        let bytes = self.writer.get_ref().metadata().map_err(|e| OutputError::io("write", &self.path, e))?.len();
         Ok(HistoryState { bytes, kept: self.kept.clone(), stride: self.stride, rows: self.rows })
+    }
+
+    /// Waits until all rows are on the disk.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.writer.get_ref().sync_data().map_err(|e| OutputError::io("write", &self.path, e))
     }
 
     /// Opens the file of a run that goes on from a state; [`History::rewind`] then cuts it back.
@@ -88,7 +93,7 @@ impl History {
     /// A file that is shorter than it was; what the operating system says.
     pub fn reopen(path: &Path, columns: Vec<Column>, state: HistoryState) -> Result<Self, OutputError> {
         let fail = |e: std::io::Error| OutputError::io("go on with", path, e);
-        let file = File::options().append(true).open(path).map_err(fail)?;
+        let file = disk::append(path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
         if bytes < state.bytes {
             let text = format!("it has {bytes} bytes, and {} at the checkpoint; its end is lost", state.bytes);

@@ -10,10 +10,15 @@
 //! | `plot.rs`, `page.rs` | diagrams as SVG; the look of pages with them |
 //! | `measured.rs`, `expected.rs`, `quality.rs` | what a scene asks to be measured and expects; how good the state is |
 //! | `timing.rs` | wall time of a step by set |
+//! | `failure.rs` | why and where a run has failed |
 //! | `status.rs`, `pace.rs`, `control.rs` | how far a run has come and how fast it goes, for others to see; what it is told |
+//! | `provenance.rs` | what made a file |
+//! | `disk.rs` | what files are written with; tests let it fail |
 //! | `file.rs` | whole files or none, folders that are never overwritten silently |
 pub mod control;
+pub mod disk;
 pub mod expected;
+pub mod failure;
 pub mod file;
 pub mod frame;
 pub mod history;
@@ -23,6 +28,7 @@ pub mod pace;
 pub(crate) mod page;
 pub mod picture;
 pub mod plot;
+pub mod provenance;
 pub mod quality;
 pub mod recorder;
 pub mod render;

@@ -8,6 +8,7 @@
 //! | `frames/contacts_*.vtp`, `contacts.pvd` | the contacts of each frame: gap, forces, angle, kind, stick or slip |
 //! | `initial.png`, `final.png` | at the start and the end |
 //! | `history.svg` | at the end |
+//! | `failure.json`, `frames/last_good.vtp` | where the run has failed |
 //! | `summary.json` | last of all: where it exists, the run is over and everything is there |
 mod end;
 mod state;
@@ -15,15 +16,17 @@ mod state;
 pub use end::Outcome;
 pub use state::RecorderState;
 
+use super::disk;
 use super::file::{OutputError, write_atomic};
 use super::frame::{contact_frame, frame};
 use super::history::{Column, History};
 use super::lines::Lines;
 use super::measured::{Probes, probes, surfaces};
 use super::picture::Scenery;
+use super::provenance::{self, Provenance, provenance};
 use super::render::render;
 use super::sampling::Sampler;
-use super::summary::cpu_seconds;
+use super::summary::{Retry, cpu_seconds};
 use super::vtp;
 use crate::assembly::node_states;
 use crate::ledger::{ContactSummary, EnergyLedger};
@@ -37,6 +40,9 @@ use crate::step::Clock;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// The frame of the last good state.
+const LAST_GOOD: &str = "frames/last_good.vtp";
+
 /// Size of the pictures in pixels.
 const PICTURE: (u32, u32) = (1000, 750);
 
@@ -48,7 +54,7 @@ pub struct Recorder<'a> {
     model: &'a Model,
     name: String,
     units: UnitSystem,
-    provenance: Vec<(String, String)>,
+    provenance: Provenance,
     lines: Lines,
     scenery: Option<Scenery>,
     probes: Probes,
@@ -68,6 +74,7 @@ pub struct Recorder<'a> {
     before: [f64; 2],
     /// Seconds spent on writing, which do not count for the speed of the steps.
     writing: f64,
+    retries: Vec<Retry>,
     error: Option<OutputError>,
 }
 
@@ -79,7 +86,8 @@ impl<'a> Recorder<'a> {
     /// What the operating system says about the first files.
     pub fn new(loaded: &'a LoadedScene, sim: &mut Simulation, folder: &Path, duration: Option<f64>) -> Result<Self, OutputError> {
         let mut recorder = Recorder::without_files(loaded, sim, folder, duration);
-        write_atomic(&folder.join("scene.resolved.ron"), loaded.resolved().as_bytes())?;
+        let resolved = provenance::lines(&recorder.provenance, "//") + &loaded.resolved();
+        write_atomic(&folder.join("scene.resolved.ron"), resolved.as_bytes())?;
         if recorder.history_sampler.wanted() {
             let columns = recorder.columns();
             recorder.history = Some(History::create(&folder.join("history.csv"), &recorder.provenance, columns)?);
@@ -121,6 +129,7 @@ impl<'a> Recorder<'a> {
             cpu_begin: cpu_seconds(),
             before: [0.0; 2],
             writing: 0.0,
+            retries: Vec::new(),
             error: None,
             lines,
         };
@@ -132,7 +141,7 @@ impl<'a> Recorder<'a> {
 
     fn make_frame_folder(&self) -> Result<(), OutputError> {
         let frames = self.folder.join("frames");
-        std::fs::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))
+        disk::create_dir_all(&frames).map_err(|e| OutputError::io("create the folder", &frames, e))
     }
 
     /// Seconds of wall time of the whole run so far.
@@ -152,6 +161,31 @@ impl<'a> Recorder<'a> {
     pub fn extra_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
         self.make_frame_folder()?;
         self.write_frame(sim)
+    }
+
+    /// Writes a frame that stands for itself, outside the series: the last good state of a run that has failed. Returns its
+    /// name, or none for a model without lines.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn frame_of_last_good(&self, sim: &mut Simulation) -> Result<Option<String>, OutputError> {
+        if self.lines.lines.is_empty() {
+            return Ok(None);
+        }
+        self.make_frame_folder()?;
+        let time = sim.world.resource::<Clock>().time;
+        vtp::write(&self.folder.join(LAST_GOOD), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
+        Ok(Some(LAST_GOOD.into()))
+    }
+
+    /// What made the files.
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// Tells the summary of failures after which the run went back.
+    pub fn tell_retries(&mut self, retries: &[Retry]) {
+        self.retries = retries.to_vec();
     }
 
     /// Shortest interval between two samples (time), for the loop; `dt` is the expected time step.
@@ -222,10 +256,10 @@ impl<'a> Recorder<'a> {
             let name = format!("frames/contacts_{:04}.vtp", self.frames.len());
             vtp::write(&self.folder.join(&name), &contact_frame(&mut sim.world, &self.provenance), time)?;
             self.contact_frames.push((time, name));
-            vtp::write_series(&self.folder.join("contacts.pvd"), &self.contact_frames)?;
+            vtp::write_series(&self.folder.join("contacts.pvd"), &self.contact_frames, &self.provenance)?;
         }
         self.frames.push((time, name));
-        vtp::write_series(&self.folder.join("results.pvd"), &self.frames)
+        vtp::write_series(&self.folder.join("results.pvd"), &self.frames, &self.provenance)
     }
 
     fn write_picture(&mut self, sim: &mut Simulation, name: &str) -> Result<(), OutputError> {
@@ -271,18 +305,4 @@ fn ledger(sim: &Simulation) -> EnergyLedger {
 
 fn contacts(sim: &Simulation) -> ContactSummary {
     sim.world.get_resource::<ContactSummary>().copied().unwrap_or_default()
-}
-
-/// What made the files: program, scene and platform. No time of day and no machine name, so that
-/// equal runs give equal files.
-fn provenance(loaded: &LoadedScene, resolved: &str) -> Vec<(String, String)> {
-    let pair = |k: &str, v: String| (k.to_owned(), v);
-    vec![
-        pair("program", format!("braid-ecs {}", env!("CARGO_PKG_VERSION"))),
-        pair("scene", loaded.name()),
-        pair("scene_hash", blake3::hash(resolved.as_bytes()).to_hex()[..16].to_owned()),
-        pair("units", format!("{:?}", loaded.scene.units)),
-        pair("seed", loaded.scene.seed.to_string()),
-        pair("target", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)),
-    ]
 }

@@ -3,6 +3,8 @@
 //! | key | meaning |
 //! |---|---|
 //! | `scene`, `state` | name; `running`, `finished`, `stopped` (can be resumed) or `failed` |
+//! | `provenance` | as in `summary.json` |
+//! | `threads` | threads of this part of the run |
 //! | `pid`, `updated` | the process; when this was written, in seconds since 1970 |
 //! | `time`, `unit`, `step`, `dt` | where the run is |
 //! | `progress`, `eta_s` | share of the expected duration; seconds left at the speed of the last 20 s |
@@ -15,6 +17,7 @@ use crate::ledger::{ContactSummary, EnergyLedger};
 use crate::simulation::Simulation;
 use crate::step::Clock;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -51,6 +54,8 @@ impl RunningState {
 pub struct RunStatus {
     pub scene: String,
     pub state: RunningState,
+    pub provenance: BTreeMap<String, String>,
+    pub threads: usize,
     pub pid: u32,
     pub updated: f64,
     pub time: f64,

@@ -3,6 +3,7 @@
 //! | key | meaning |
 //! |---|---|
 //! | `scene`, `version` | name of the scene; version of the program |
+//! | `provenance` | what made the files: program, revision, scene, hash of the scene with all defaults, seed, target, features |
 //! | `status` | `converged` (steady), `completed` (end time or steps), `stopped` (from outside), `failed` |
 //! | `time`, `steps`, `dt` | end time, completed steps, last time step |
 //! | `dt_limit` | `value`: stable limit without the safety factor; `by`: what sets it |
@@ -14,6 +15,7 @@
 //! | `measures` | `length`, `angle`, `thickness`, … : mean, half width of the 95 % interval, number of values, unit |
 //! | `lists` | neighbour lists of the contacts between filaments; see [`Lists`] |
 //! | `probes` | name: value |
+//! | `retries` | failures after which the run went back: `time`, `step`, `message`, `from_step`, `safety` from then on |
 //! | `state_hash` | 32 bytes in hexadecimal over the state of all nodes; see [`state_hash`] |
 //!
 //! Numbers that are not finite are written as null.
@@ -109,6 +111,21 @@ pub struct Measure {
     pub unit: String,
 }
 
+/// A failure after which the run went back to its last good state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Retry {
+    /// Time of the failure.
+    pub time: f64,
+    /// Step of the failure.
+    pub step: u64,
+    /// What was found.
+    pub message: String,
+    /// Step from which the run went on.
+    pub from_step: u64,
+    /// Safety factor of the time step from then on.
+    pub safety: f64,
+}
+
 /// The whole file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -116,6 +133,7 @@ pub struct Measure {
 pub struct Summary {
     pub scene: String,
     pub version: String,
+    pub provenance: BTreeMap<String, String>,
     pub status: String,
     pub time: Option<f64>,
     pub steps: u64,
@@ -134,6 +152,7 @@ pub struct Summary {
     pub measures: BTreeMap<String, Measure>,
     pub lists: Lists,
     pub probes: BTreeMap<String, Option<f64>>,
+    pub retries: Vec<Retry>,
     pub state_hash: String,
 }
 
@@ -202,8 +221,8 @@ mod tests {
         s.probes.insert("tip".into(), finite(f64::NAN));
         let json: serde_json::Value = serde_json::to_value(&s).unwrap();
         let keys = |v: &serde_json::Value| v.as_object().unwrap().keys().cloned().collect::<Vec<_>>().join(" ");
-        let mut top: Vec<&str> = "scene version status time steps dt dt_limit nodes elements contacts threads wall_s cpu_s \
-            element_steps_per_s share energy quality measures lists probes state_hash"
+        let mut top: Vec<&str> = "scene version provenance status time steps dt dt_limit nodes elements contacts threads wall_s cpu_s \
+            element_steps_per_s share energy quality measures lists probes retries state_hash"
             .split_whitespace()
             .collect();
         top.sort_unstable();

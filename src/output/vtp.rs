@@ -6,6 +6,7 @@
 //! per array `[blocks][block size][size of the last, partial block][compressed sizes …]`, then the
 //! blocks; offsets count from the underscore that opens the appended section.
 use super::file::{OutputError, write_atomic};
+use super::provenance::xml_comment;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use glam::DVec3;
@@ -185,9 +186,9 @@ pub fn write(path: &Path, lines: &Polylines, time: f64) -> Result<(), OutputErro
 ///
 /// # Errors
 /// What the operating system says.
-pub fn write_series(path: &Path, frames: &[(f64, String)]) -> Result<(), OutputError> {
-    let mut x =
-        String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n<Collection>\n");
+pub fn write_series(path: &Path, frames: &[(f64, String)], provenance: &[(String, String)]) -> Result<(), OutputError> {
+    let mut x = format!("<?xml version=\"1.0\"?>\n{}", xml_comment(provenance));
+    x.push_str("<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n<Collection>\n");
     for (time, file) in frames {
         let _ = writeln!(x, "<DataSet timestep=\"{time:e}\" part=\"0\" file=\"{}\"/>", escape(file));
     }

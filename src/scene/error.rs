@@ -17,12 +17,14 @@ pub struct Problem {
     pub help: Option<String>,
     /// Byte range in the text, where it is known better than from the path.
     pub span: Option<Range<usize>>,
+    /// True if it holds whatever else is wrong with the scene.
+    pub stands_alone: bool,
 }
 
 impl Problem {
     /// A problem at `path`.
     pub fn new(path: Path, message: impl Into<String>) -> Self {
-        Problem { path, message: message.into(), help: None, span: None }
+        Problem { path, message: message.into(), help: None, span: None, stands_alone: false }
     }
 
     /// Adds what would be right.
@@ -35,7 +37,7 @@ impl Problem {
     pub fn of_entry(entry: &Path, error: SpecError) -> Self {
         let mut path = entry.clone();
         path.0.extend(Path::parse(&error.path).unwrap_or_default().0);
-        Problem { path, message: error.message, help: error.help, span: None }
+        Problem { path, message: error.message, help: error.help, span: None, stands_alone: false }
     }
 }
 
@@ -163,25 +165,34 @@ impl SceneErrors {
     }
 }
 
-/// Plain text, one error after the other: `file:line:col: path: message`, then the help.
+/// One line, `file:line:col: path: message`, and one for the help; `kind` (`hint: `) stands before the path.
+impl SceneError {
+    pub(crate) fn line(&self, kind: &str) -> String {
+        let mut text = format!("{}:", self.file);
+        if self.span.is_some() {
+            let (line, column) = self.place();
+            text += &format!("{line}:{column}:");
+        }
+        text += &format!(" {kind}");
+        if !self.path.is_empty() {
+            text += &format!("{}: ", self.path);
+        }
+        text += &self.message;
+        if let Some(h) = &self.help {
+            text += &format!("\n  help: {h}");
+        }
+        text
+    }
+}
+
+/// Plain text, one error after the other.
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         for (i, e) in self.errors.iter().take(SHOWN).enumerate() {
             if i > 0 {
                 writeln!(f)?;
             }
-            write!(f, "{}:", e.file)?;
-            if e.span.is_some() {
-                let (line, column) = e.place();
-                write!(f, "{line}:{column}:")?;
-            }
-            if !e.path.is_empty() {
-                write!(f, " {}:", e.path)?;
-            }
-            write!(f, " {}", e.message)?;
-            if let Some(h) = &e.help {
-                write!(f, "\n  help: {h}")?;
-            }
+            f.write_str(&e.line(""))?;
         }
         if self.errors.len() > SHOWN {
             write!(f, "\nand {} more errors", self.errors.len() - SHOWN)?;
@@ -251,6 +262,27 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
         let near = nearest(word, names).map_or(String::new(), |n| format!("did you mean `{n}`? "));
         if names.is_empty() { format!("there are no {what} here") } else { format!("{near}valid {what}: {}", list(names)) }
     };
+    // The reader of a whole number stops at the point of `1.5` and misses a comma there.
+    let fraction = root.map(|r| r.around(span.start).1.span.clone()).and_then(|place| {
+        let word = &text[place.clone()];
+        (word.contains('.') && word.parse::<f64>().is_ok()).then(|| (word.to_string(), place))
+    });
+    // Where brackets, commas or quotes are wrong, what follows cannot be told apart.
+    let grammar = matches!(
+        error.code,
+        E::Eof
+            | E::ExpectedArrayEnd
+            | E::ExpectedMapColon
+            | E::ExpectedMapEnd
+            | E::ExpectedStringEnd
+            | E::ExpectedStructLikeEnd
+            | E::ExpectedRawValue
+            | E::TrailingCharacters
+            | E::UnclosedBlockComment
+            | E::UnclosedLineComment
+            | E::UnexpectedChar(_)
+            | E::ExceededRecursionLimit
+    ) || matches!(error.code, E::ExpectedComma) && fraction.is_none();
     let (message, help) = match error.code {
         E::NoSuchStructField { expected, found, outer } => {
             span = near_word(&found).unwrap_or(span);
@@ -289,14 +321,23 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
             (format!("expected {expected}, found {found}"), None)
         }
         E::ExpectedString => (EXPECTED_TEXT.to_string(), None),
+        E::ExpectedComma if fraction.is_some() => {
+            let (word, place) = fraction.expect("just looked");
+            span = place;
+            (format!("expected a whole number, found `{word}`"), None)
+        }
+        E::ExpectedNamedStructLike(name) => {
+            (format!("expected the fields of {}", spoken(name)), Some("a group of fields is written (field: value, ...)".to_string()))
+        }
+        E::ExpectedIdentifier => {
+            ("expected the name of a choice".to_string(), Some("a choice is written Name, or Name(field: value, ...)".to_string()))
+        }
         E::ExceededRecursionLimit => ("the scene is nested too deeply".to_string(), None),
         other => {
             let m = other.to_string();
             let m = m.chars().next().map_or(String::new(), |c| c.to_lowercase().collect::<String>() + &m[c.len_utf8()..]);
             let help = match other {
-                E::ExpectedStructLike | E::ExpectedNamedStructLike(_) => {
-                    Some("a group of fields is written (field: value, ...)".to_string())
-                }
+                E::ExpectedStructLike => Some("a group of fields is written (field: value, ...)".to_string()),
                 E::ExpectedArray => Some("a list is written [first, second, ...]".to_string()),
                 E::ExpectedMap => Some("named entries are written {\"name\": value, ...}".to_string()),
                 E::ExpectedStringEnd => Some("the closing quote is missing".to_string()),
@@ -308,7 +349,7 @@ pub fn from_ron(error: ron::error::SpannedError, text: &str, part: Range<usize>,
     };
     span.end = span.end.min(text.len());
     span.start = span.start.min(span.end);
-    Problem { path: at, message, help, span: Some(span) }
+    Problem { path: at, message, help, span: Some(span), stands_alone: !grammar }
 }
 
 /// `BraidSpec` becomes `braid`: what a reader of a scene calls the thing.

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | text to tree of byte ranges | `spans.rs` |
 //! | `--set path=value` edits the text | `set.rs` |
+//! | more than one fault | `faults.rs` |
 //! | text to [`Scene`](schema::Scene), quantities converted to scene units | `read.rs`, `schema/`, `units.rs` |
 //! | scene to model, physics checked | `build/` |
 //! | the same scene on a finer mesh | `refined.rs` |
 //! | what is wrong, where, what would be right | `error.rs` |
 mod build;
 pub mod error;
+mod faults;
 mod read;
 mod refined;
 pub mod schema;
@@ -17,7 +19,7 @@ mod set;
 pub mod spans;
 pub mod units;
 
-pub use read::{LoadedScene, MAX_BYTES, load, load_text};
+pub use read::{LoadedScene, MAX_BYTES, load, load_text, load_text_within};
 pub(crate) use read::{path_of, text_of};
 
 /// The RON dialect of scenes: `Some` and newtype names may be left out.

@@ -1,10 +1,12 @@
 //! From a file to a model: text, `--set`, schema, checks, model.
-use super::error::{Category, EXPECTED_TEXT, Problem, SceneErrors, from_ron};
+use super::error::{Category, EXPECTED_TEXT, Problem, SceneError, SceneErrors, from_ron};
+use super::faults::{blank_out, further};
 use super::schema::{Scene, VERSIONS};
 use super::spans::{Item, MAX_DEPTH, Path, Step, Tree, Value, tree};
 use super::units::UnitSystem;
 use super::{build, ron_options, set};
 use crate::measure::Probe;
+use crate::memory;
 use crate::model::Model;
 use crate::registry::{Registry, SpecError, nearest};
 use crate::simulation::SimulationError;
@@ -24,7 +26,7 @@ pub struct LoadedScene {
     /// The probes, checked against the model.
     pub probes: Vec<(String, Probe)>,
     /// What is allowed but probably not meant.
-    pub hints: Vec<String>,
+    pub hints: Vec<SceneError>,
     /// The text after `--set`.
     pub text: String,
     /// The file.
@@ -104,6 +106,20 @@ pub(crate) fn text_of(path: &std::path::Path, what: &str) -> Result<String, Scen
 /// # Errors
 /// Everything that is wrong with the scene, with its place.
 pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: &Registry) -> Result<LoadedScene, SceneErrors> {
+    load_text_within(memory::of_machine(), name, text, sets, registry)
+}
+
+/// Like [`load_text`], and refuses generated structures that would take a run to more than `memory` (bytes), where it is known.
+///
+/// # Errors
+/// Everything that is wrong with the scene, with its place.
+pub fn load_text_within(
+    memory: Option<u64>,
+    name: &str,
+    text: String,
+    sets: &[(String, String)],
+    registry: &Registry,
+) -> Result<LoadedScene, SceneErrors> {
     let original = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
     let mut sets = sets.to_vec();
     loop {
@@ -121,15 +137,16 @@ pub fn load_text(name: &str, text: String, sets: &[(String, String)], registry: 
                     sets[at].1 = format!("{:?}", sets[at].1);
                     continue;
                 }
-                return fail(vec![*problem]);
+                return fail(further(*problem, &edited, registry, memory));
             }
         };
         let root = tree.root.as_ref().expect("an empty scene was refused");
-        return match build::build(&mut scene, &edited, root, registry) {
+        return match build::build(&mut scene, &edited, root, registry, memory) {
             Ok(built) => {
                 let (path, mut model) = (PathBuf::from(name), built.model);
                 model.name = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-                Ok(LoadedScene { scene, model, probes: built.probes, hints: built.hints, text: edited, path })
+                let hints = SceneErrors::place(Category::Scene, name, &edited, Some(root), built.hints).errors;
+                Ok(LoadedScene { scene, model, probes: built.probes, hints, text: edited, path })
             }
             Err(problems) => fail(problems),
         };
@@ -154,7 +171,7 @@ fn set_at(sets: &[(String, String)], tree: &Tree, at: &Range<usize>) -> Option<u
 }
 
 /// The scene in a text, without any check of its meaning.
-fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Problem>> {
+pub(super) fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Problem>> {
     let Some(root) = &tree.root else {
         return Err(Box::new(
             Problem::new(Path::default(), "the scene is empty")
@@ -192,6 +209,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
     if let Some((path, span)) = root.repeated() {
         let mut problem = Problem::new(path, "an entry of this name is there already");
         problem.span = Some(span);
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // A key in quotes can only be a section of a plugin.
@@ -202,6 +220,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
             SpecError::unknown("", "section of a plugin", item.key.as_deref().unwrap_or_default(), registry.settings.iter().map(|k| k.key));
         let mut problem = Problem::of_entry(&Path::default(), error);
         problem.span = Some(item.key_span.clone());
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // Of two sections of one key the reader of the plugin would see only the first.
@@ -213,6 +232,7 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
         let key = item.key.as_deref().unwrap_or_default();
         let mut problem = Problem::new(Path::default(), format!("section `{key}` is given twice"));
         problem.span = Some(item.key_span.clone());
+        problem.stands_alone = true;
         return Err(Box::new(problem));
     }
     // Settings of plugins are read later, by their own readers.
@@ -248,19 +268,11 @@ fn parse(text: &str, tree: &Tree, registry: &Registry) -> Result<Scene, Box<Prob
     })
 }
 
-/// The text with the settings of plugins blanked out, so that everything else stays in its place.
+/// The text with the settings of plugins blanked out.
 fn without_settings(text: &str, root: &Value, registry: &Registry) -> String {
     let mut own = text.to_string();
     for item in root.items.iter().filter(|i| i.key.as_deref().is_some_and(|k| registry.settings_of(k).is_some())) {
-        let mut range = item.key_span.start..item.value.span.end;
-        let after = &text[range.end..];
-        let comma = after.len() - after.trim_start().len();
-        if after[comma..].starts_with(',') {
-            range.end += comma + 1;
-        }
-        let blank = |c: char| std::iter::repeat_n(if c == '\n' { '\n' } else { ' ' }, c.len_utf8());
-        let blanks: String = text[range.clone()].chars().flat_map(blank).collect();
-        own.replace_range(range, &blanks);
+        blank_out(&mut own, item.key_span.start..item.value.span.end);
     }
     own
 }

@@ -74,6 +74,12 @@ impl UnitSystem {
         }
     }
 
+    /// Factor to SI of a quantity with these powers of length, mass and time, or `None` without units.
+    pub fn si(self, powers: [i32; 3]) -> Option<f64> {
+        let decimals = self.decimals()?;
+        Some(10f64.powi((0..3).map(|i| decimals[i] * powers[i]).sum()))
+    }
+
     fn names(self) -> [&'static str; 6] {
         match self {
             UnitSystem::MmNTonne => ["mm", "tonne", "s", "N", "MPa", "mJ"],

@@ -128,6 +128,11 @@ fn row(file: &StudyFile, draft: &Draft, name: String, plugins: &impl Plugin) -> 
         return Err(vec![problem.help("give the study a `scene`, or the row one of its own")]);
     };
     let path = file.scene_path(scene);
+    if !file.may_read(&path) {
+        let problem =
+            Problem::new(place.clone(), format!("the scene `{scene}` lies outside the folder of the study and the working folder"));
+        return Err(vec![problem.help("allow it with --outside, or run the study from a folder above both")]);
+    }
     let sets: Vec<(String, String)> = draft.sets.iter().map(|s| s.1.clone()).collect();
     let sim = Simulation::new(|sim: &mut Simulation| plugins.build(sim));
     let text = text_of(&path, "scene").map_err(|e| vec![Problem::new(place.clone(), e.to_string())])?;

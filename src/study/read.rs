@@ -19,6 +19,8 @@ pub struct StudyFile {
     pub text: String,
     /// The file.
     pub path: PathBuf,
+    /// True if scenes may lie anywhere; else in the folder of the study, in the working folder, or below them.
+    pub outside: bool,
 }
 
 impl StudyFile {
@@ -30,6 +32,16 @@ impl StudyFile {
     /// The file that a name in the study means.
     pub fn scene_path(&self, name: &str) -> PathBuf {
         self.path.parent().map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
+    }
+
+    /// True if a scene lies where the study may reach: a file that a study names is quoted in messages.
+    pub fn may_read(&self, scene: &std::path::Path) -> bool {
+        let whole = |p: &std::path::Path| std::fs::canonicalize(if p.as_os_str().is_empty() { std::path::Path::new(".") } else { p }).ok();
+        // A file that is not there has a message of its own.
+        let Some(scene) = whole(scene) else { return true };
+        let own = self.path.parent().and_then(whole);
+        self.outside
+            || [own, std::env::current_dir().ok().and_then(|d| whole(&d))].into_iter().flatten().any(|folder| scene.starts_with(folder))
     }
 
     /// Problems with their places in the file.
@@ -59,7 +71,7 @@ pub fn load_text(name: &str, text: String) -> Result<StudyFile, SceneErrors> {
     if !problems.is_empty() {
         return Err(place(name, &text, &tree, problems));
     }
-    Ok(StudyFile { study, text, path: PathBuf::from(name) })
+    Ok(StudyFile { study, text, path: PathBuf::from(name), outside: false })
 }
 
 fn place(name: &str, text: &str, tree: &Tree, problems: Vec<Problem>) -> SceneErrors {

@@ -110,7 +110,7 @@ fn a_period_doubles_its_length() {
         periodic: (dummies: { \"period\": [1, 0, 0] }, pairs: [(node: 0, image: 2, dummies: [\"period\"])]),
         fixed: [(nodes: [0], dofs: [U]), (nodes: [\"period\"], dofs: [Uy, Uz])],
         prescribed: [(nodes: [\"period\"], ux: 1, amplitude: \"slowly\")], amplitudes: { \"slowly\": SmoothStep(rise: 5) },
-        damping: Mass(5), integration: (axial: Explicit), stop: (time: 12)",
+        damping: Mass(5), integration: (axial: Explicit), stop: (time: 12), watch: (strain: None)",
     );
     let (s, e) = (states(&mut sim), ledger(&mut sim));
     assert!((s[2].x - s[0].x - DVec3::X * 2.0).length() < 1e-12 && (s[1].x.x - s[0].x.x - 1.0).abs() < 1e-6, "{} {}", s[1].x, s[2].x);

@@ -7,7 +7,7 @@ use crate::output::history::History;
 use crate::output::measured::{Probes, measures};
 use crate::output::plot::{Axis, Plot, Series, panels};
 use crate::output::summary::{DtLimit, Energies, Lists, Quality, Summary, finite, state_hash};
-use crate::output::{quality, timing};
+use crate::output::{provenance, quality, timing};
 use crate::scene::units::UnitSystem;
 use crate::simulation::Simulation;
 use crate::step::Clock;
@@ -32,7 +32,7 @@ impl Recorder<'_> {
     ///
     /// # Errors
     /// What the operating system says.
-    pub fn finish(mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
+    pub fn finish(&mut self, sim: &mut Simulation, status: &str) -> Result<Outcome, OutputError> {
         let (wall, cpu) = (self.wall(), self.cpu());
         self.write_row(sim)?;
         if self.frame_sampler.wanted() {
@@ -42,12 +42,13 @@ impl Recorder<'_> {
         if self.plots
             && let Some(history) = &self.history
         {
-            write_atomic(&self.folder.join("history.svg"), self.plot(history).as_bytes())?;
+            let plot = provenance::xml_comment(&self.provenance) + &self.plot(history);
+            write_atomic(&self.folder.join("history.svg"), plot.as_bytes())?;
         }
         let summary = self.summary(sim, status, wall, cpu);
         summary.write(&self.folder.join("summary.json"))?;
         let expected = compare(self.scene, &summary);
-        Ok(Outcome { summary, expected, probes: self.probes, units: self.units, folder: self.folder })
+        Ok(Outcome { summary, expected, probes: std::mem::take(&mut self.probes), units: self.units, folder: self.folder.clone() })
     }
 
     fn plot(&self, history: &History) -> String {
@@ -86,6 +87,7 @@ impl Recorder<'_> {
         Summary {
             scene: self.name.clone(),
             version: env!("CARGO_PKG_VERSION").into(),
+            provenance: provenance::map(&self.provenance),
             status: status.into(),
             time: finite(clock.time),
             steps: clock.step,
@@ -114,6 +116,7 @@ impl Recorder<'_> {
             },
             measures: measures(self.model, sim, self.units),
             probes: self.probes.values(),
+            retries: self.retries.clone(),
             state_hash: state_hash(&mut sim.world),
         }
     }

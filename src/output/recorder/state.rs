@@ -1,9 +1,9 @@
 //! What a recorder remembers, so that its files go on as if the run had never stopped.
-use super::Recorder;
+use super::{LAST_GOOD, Recorder};
 use crate::output::file::{OutputError, remove};
 use crate::output::history::{History, HistoryState};
 use crate::output::sampling::Sampler;
-use crate::output::{timing, vtp};
+use crate::output::{failure, timing, vtp};
 use crate::scene::LoadedScene;
 use crate::simulation::Simulation;
 use serde::{Deserialize, Serialize};
@@ -26,10 +26,10 @@ pub struct RecorderState {
 }
 
 /// What is written at the end of a run, and would be wrong while it goes on.
-const OF_THE_END: [&str; 3] = ["summary.json", "final.png", "history.svg"];
+const OF_THE_END: [&str; 5] = ["summary.json", "final.png", "history.svg", failure::FILE, LAST_GOOD];
 
 impl<'a> Recorder<'a> {
-    /// The state now; the history is on the disk when this returns.
+    /// The state now.
     ///
     /// # Errors
     /// What the operating system says.
@@ -46,6 +46,14 @@ impl<'a> Recorder<'a> {
             seconds: [self.wall(), self.cpu().unwrap_or(0.0), self.writing],
             timing: timing::so_far(&sim.world),
         })
+    }
+
+    /// Waits until the history is on the disk.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn sync(&self) -> Result<(), OutputError> {
+        self.history.as_ref().map_or(Ok(()), History::sync)
     }
 
     /// A recorder that goes on from a state, in the folder of the run. `sim` stands at the start: what
@@ -94,7 +102,7 @@ impl<'a> Recorder<'a> {
         }
         for (name, frames) in [("results.pvd", &self.frames), ("contacts.pvd", &self.contact_frames)] {
             let path = self.folder.join(name);
-            if frames.is_empty() { remove(&path)? } else { vtp::write_series(&path, frames)? }
+            if frames.is_empty() { remove(&path)? } else { vtp::write_series(&path, frames, &self.provenance)? }
         }
         Ok(())
     }

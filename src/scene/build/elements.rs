@@ -1,8 +1,10 @@
 //! Elements: the raw text of each list goes to the kind of that name.
 use super::{Builder, at};
-use crate::registry::{ReadError, SpecError};
+use crate::registry::{ElementKind, ReadError, SpecError};
 use crate::scene::error::{Problem, from_ron};
+use crate::scene::faults::{MOST_FAULTS, blank_out};
 use crate::scene::schema::Scene;
+use crate::scene::spans::{Path, Value};
 
 impl Builder<'_> {
     pub(super) fn add_elements(&mut self, scene: &Scene) {
@@ -19,17 +21,36 @@ impl Builder<'_> {
                 continue;
             };
             let value = self.root.find(&place).expect("a key that was read stands in the text");
-            let (text, span) = (self.text, value.span.clone());
-            let read = self.with_build(|b| scene.units.while_reading(|| (kind.read)(&text[span.clone()], b)));
-            match read {
-                Ok(()) => {}
-                Err(ReadError::Syntax(e)) => {
-                    let problem = from_ron(e, self.text, span, Some(self.root), None);
-                    self.problems.push(problem);
+            self.read_elements(scene, &kind, &place, value);
+        }
+    }
+
+    /// Reads a list of elements. Where an entry is wrong it is read again without it, so that the others are looked at, too; the
+    /// elements that are then there twice are of no consequence, for the scene is refused.
+    fn read_elements(&mut self, scene: &Scene, kind: &ElementKind, place: &Path, value: &Value) {
+        let start = value.span.start;
+        let mut list = self.text[value.span.clone()].to_string();
+        let mut left: Vec<usize> = (0..value.items.len()).collect();
+        for _ in 0..MOST_FAULTS {
+            let Err(error) = self.with_build(|b| scene.units.while_reading(|| (kind.read)(&list, b))) else { return };
+            let (problem, wrong) = match error {
+                ReadError::Syntax(e) => {
+                    let whole = format!("{}{list}{}", &self.text[..start], &self.text[value.span.end..]);
+                    let problem = from_ron(e, &whole, value.span.clone(), Some(self.root), None);
+                    let from = problem.span.as_ref().map_or(start, |s| s.start);
+                    let wrong = left.iter().position(|i| value.items[*i].value.span.contains(&from));
+                    (problem, wrong)
                 }
-                Err(ReadError::Whole(error)) => self.problems.push(Problem::of_entry(&place, error)),
-                Err(ReadError::Entry { index, error }) => self.problems.push(Problem::of_entry(&place.index(index), error)),
-            }
+                ReadError::Whole(error) => (Problem::of_entry(place, error), None),
+                ReadError::Entry { index, error } => {
+                    let Some(entry) = left.get(index) else { return };
+                    (Problem::of_entry(&place.index(*entry), error), Some(index))
+                }
+            };
+            self.problems.push(problem);
+            let Some(wrong) = wrong else { return };
+            let span = &value.items[left.remove(wrong)].value.span;
+            blank_out(&mut list, span.start - start..span.end - start);
         }
     }
 }

@@ -2,6 +2,7 @@
 use super::{Builder, at};
 use crate::components::NodeId;
 use crate::generate::{self, Generated, PolylineSpec};
+use crate::memory;
 use crate::registry::{ReadError, SpecError};
 use crate::scene::error::{Problem, from_ron};
 use crate::scene::schema::Scene;
@@ -99,12 +100,21 @@ impl Builder<'_> {
 
     /// Refuses structures that would fill the memory before anything else could be said about them.
     fn affordable(&mut self, path: &Path, numbers: &[usize]) -> bool {
-        let nodes = numbers.iter().fold(1u128, |n, k| n.saturating_mul(*k as u128));
-        if nodes > LARGEST {
-            let product = numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ");
-            self.problem(path.clone(), format!("the structure is too large: {product} elements, and {LARGEST} are the most"));
+        let elements = numbers.iter().fold(1u128, |n, k| n.saturating_mul(*k as u128));
+        let product = || numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(" x ");
+        if elements > LARGEST {
+            self.problem(path.clone(), format!("the structure is too large: {} elements, and {LARGEST} are the most", product()));
+            return false;
         }
-        nodes <= LARGEST
+        self.claimed += elements as u64 * memory::PER_ELEMENT;
+        let Some(machine) = self.memory.filter(|machine| self.claimed > *machine) else { return true };
+        let (wanted, machine) = (memory::text(self.claimed), memory::text(machine));
+        let text = format!(
+            "the structure is too large for this machine: {} elements take the run to about {wanted} of memory, and {machine} are there",
+            product()
+        );
+        self.problems.push(Problem::new(path.clone(), text).help("take fewer elements or filaments, or a machine with more memory"));
+        false
     }
 
     /// Names the nodes of what the entry at `path` has made. Generators call their own entry by the

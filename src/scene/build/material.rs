@@ -33,7 +33,7 @@ impl Builder<'_> {
         self.above_zero(density, &format!("density of material `{name}`"), m.density.0);
         let nu = m.poisson.0;
         if !(nu > -1.0 && nu <= 0.5) {
-            self.problem(poisson, format!("Poisson's ratio of material `{name}` must be above -1 and at most 0.5, not {nu}"));
+            self.bad_value(poisson, format!("Poisson's ratio of material `{name}` must be above -1 and at most 0.5, not {nu}"));
         }
         self.problems.len() == before
     }

@@ -4,6 +4,7 @@ mod check;
 mod elements;
 mod generators;
 mod hints;
+mod lints;
 mod loads;
 mod material;
 mod refine;
@@ -25,7 +26,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Builds the model of a scene; automatic values of the scene are filled in.
-pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry) -> Result<Built, Vec<Problem>> {
+pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Registry, memory: Option<u64>) -> Result<Built, Vec<Problem>> {
     let mut b = Builder {
         text,
         root,
@@ -39,6 +40,8 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
         amplitudes: BTreeMap::new(),
         time_scale: None,
         problems: Vec::new(),
+        claimed: 0,
+        memory,
     };
     b.add_integration(scene);
     b.add_materials(scene);
@@ -60,6 +63,8 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
     }
     if b.problems.is_empty() {
         b.add_settings(scene);
+    } else {
+        b.check_syntax_of_settings(scene);
     }
     let probes = b.probes(scene);
     b.check_refine(scene);
@@ -74,7 +79,7 @@ pub(super) fn build(scene: &mut Scene, text: &str, root: &Value, registry: &Regi
 pub(super) struct Built {
     pub model: Model,
     pub probes: Vec<(String, Probe)>,
-    pub hints: Vec<String>,
+    pub hints: Vec<Problem>,
 }
 
 /// The model under construction, with what names mean.
@@ -95,6 +100,9 @@ struct Builder<'a> {
     /// The time tF of a load along a period, and its dummy node.
     time_scale: Option<(f64, NodeId)>,
     problems: Vec<Problem>,
+    /// Memory that the generated structures will take, and what there is where it is known (bytes).
+    claimed: u64,
+    memory: Option<u64>,
 }
 
 /// A path that is known to be well formed.
@@ -117,11 +125,16 @@ impl Builder<'_> {
         f(&mut Build { model: &mut self.model, materials: &self.materials, sections: &self.sections })
     }
 
+    /// Notes a value that is wrong whatever stands elsewhere in the scene.
+    fn bad_value(&mut self, path: Path, message: impl Into<String>) {
+        self.problems.push(Problem { stands_alone: true, ..Problem::new(path, message) });
+    }
+
     /// Notes a value that is not above zero; true if it is.
     fn above_zero(&mut self, path: Path, what: &str, value: f64) -> bool {
         let good = value > 0.0;
         if !good {
-            self.problem(path, format!("{what} must be above zero, not {value}"));
+            self.bad_value(path, format!("{what} must be above zero, not {value}"));
         }
         good
     }
@@ -130,7 +143,7 @@ impl Builder<'_> {
     fn not_negative(&mut self, path: Path, what: &str, value: f64) -> bool {
         let good = value >= 0.0;
         if !good {
-            self.problem(path, format!("{what} must not be negative, {value} given"));
+            self.bad_value(path, format!("{what} must not be negative, {value} given"));
         }
         good
     }

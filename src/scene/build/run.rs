@@ -2,11 +2,14 @@
 use super::{Builder, at};
 use crate::amplitude::Amplitude;
 use crate::components::{NodalLoad, NodeId};
-use crate::model::{AxialScheme, Damping, Integration, RotaryInertiaRule, Steady, Stop};
+use crate::model::{AxialScheme, Damping, Integration, RotaryInertiaRule, Steady, Stop, Watch};
 use crate::scene::error::Problem;
-use crate::scene::schema::{AxialSpec, DampingSpec, RotaryInertiaSpec, Scene, SteadySpec, StopSpec};
-use crate::scene::units::{Length, Rate, Time};
+use crate::scene::schema::{AxialSpec, DampingSpec, OnFailure, RotaryInertiaSpec, Scene, SteadySpec, StopSpec, WatchSpec};
+use crate::scene::units::{Length, Rate, Ratio, Time};
 use glam::DVec3;
+
+/// Most times that a run is tried again: the time step is then a thousandth.
+const MOST_RETRIES: u32 = 10;
 
 impl Builder<'_> {
     /// The load along the period, and with it the time scale tF = sqrt(mass x stroke / force): with
@@ -62,13 +65,13 @@ impl Builder<'_> {
         let spec = &scene.integration;
         let safety = spec.safety.0;
         if !(safety > 0.0 && safety < 1.0) {
-            self.problem(at("integration.safety"), format!("the safety factor must be above 0 and below 1, not {safety}"));
+            self.bad_value(at("integration.safety"), format!("the safety factor must be above 0 and below 1, not {safety}"));
         }
         if let Some(dt) = spec.dt {
             self.above_zero(at("integration.dt"), "the time step", dt.0);
         }
         if spec.monitor_every == 0 {
-            self.problem(at("integration.monitor_every"), "monitor_every must be at least 1");
+            self.bad_value(at("integration.monitor_every"), "monitor_every must be at least 1");
         }
         self.not_negative(at("integration.bulk_viscosity"), "the bulk viscosity", spec.bulk_viscosity.0);
         self.not_negative(at("integration.shear_flexibility"), "the shear flexibility", spec.shear_flexibility.0);
@@ -126,10 +129,40 @@ impl Builder<'_> {
             },
         };
         self.model.integration.damping = damping;
+        self.add_watch(&scene.watch);
         // With a load the stop follows from its time scale, unless something else was wrong before.
         if scene.load.is_none() || self.time_scale.is_some() {
             self.add_stop(&mut scene.stop);
         }
+    }
+
+    fn add_watch(&mut self, spec: &WatchSpec) {
+        let limit = |limit: Option<Ratio>| limit.map_or(f64::INFINITY, f64::from);
+        let watch = Watch {
+            strain: limit(spec.strain),
+            rotation: limit(spec.rotation),
+            balance: limit(spec.balance),
+            time_step: spec.time_step.map_or(0.0, f64::from),
+        };
+        for (key, value) in [("strain", watch.strain), ("rotation", watch.rotation), ("balance", watch.balance)] {
+            self.above_zero(at("watch").key(key), &format!("the limit on the {key}"), value);
+        }
+        if !(0.0..1.0).contains(&watch.time_step) {
+            self.bad_value(
+                at("watch.time_step"),
+                format!("the smallest time step is a share of the settled one: at least 0 and below 1, not {}", watch.time_step),
+            );
+        }
+        if spec.on_failure == OnFailure::Retry(0) || matches!(spec.on_failure, OnFailure::Retry(n) if n > MOST_RETRIES) {
+            self.bad_value(at("watch.on_failure"), format!("a run is tried again between 1 and {MOST_RETRIES} times"));
+        }
+        if matches!(spec.on_failure, OnFailure::Retry(_)) && self.model.integration.dt.is_some() {
+            self.problems.push(
+                Problem::new(at("watch.on_failure"), "a retry halves the safety factor, and the time step is given by integration.dt")
+                    .help("leave integration.dt out"),
+            );
+        }
+        self.model.watch = watch;
     }
 
     fn add_stop(&mut self, stop: &mut StopSpec) {
@@ -166,7 +199,7 @@ impl Builder<'_> {
         self.above_zero(path.key("interval"), "the interval of the steady state", interval.0);
         self.above_zero(path.key("change"), "the relative change of the steady state", spec.change.0);
         if spec.repeats == 0 {
-            self.problem(path.key("repeats"), "repeats must be at least 1");
+            self.bad_value(path.key("repeats"), "repeats must be at least 1");
         }
         let earliest = spec.earliest.get_or_insert_default().0;
         self.not_negative(path.key("earliest"), "the earliest steady state", earliest);

@@ -24,6 +24,17 @@ impl Builder<'_> {
         }
     }
 
+    /// Of a scene with other faults only the spelling of the settings can be told: their meaning hangs on the model.
+    pub(super) fn check_syntax_of_settings(&mut self, scene: &Scene) {
+        for kind in self.registry.settings.clone() {
+            let Some(value) = self.root.find(&Path::default().key(kind.key)) else { continue };
+            let (text, span) = (self.text, value.span.clone());
+            if let Err(ReadError::Syntax(e)) = self.with_build(|b| scene.units.while_reading(|| (kind.read)(&text[span.clone()], b))) {
+                self.problems.push(from_ron(e, text, span, Some(self.root), None));
+            }
+        }
+    }
+
     /// The probes of the scene, and the checks of what is expected of them.
     pub(super) fn probes(&mut self, scene: &Scene) -> Vec<(String, Probe)> {
         let mut probes = Vec::new();

@@ -121,6 +121,9 @@ pub struct Scene {
     /// When the run ends. Default: a steady state with `load`, else it must be given.
     #[serde(default)]
     pub stop: StopSpec,
+    /// When a run is given up.
+    #[serde(default)]
+    pub watch: WatchSpec,
     /// What is written.
     #[serde(default)]
     pub output: OutputSpec,

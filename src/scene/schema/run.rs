@@ -123,6 +123,46 @@ pub struct StopSpec {
     pub steady: Option<SteadySpec>,
 }
 
+/// What becomes of a run that has failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub enum OnFailure {
+    /// It ends; what was computed is kept.
+    #[default]
+    Stop,
+    /// It goes back to its last good state with half the safety factor of the time step, at most so many times.
+    Retry(u32),
+}
+
+/// What a sound run never shows, and what to do where it shows; `None` looks away.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WatchSpec {
+    /// Largest strain of an element with axial stiffness, in stretching and squeezing. Default 0.5.
+    pub strain: Option<Ratio>,
+    /// Largest rotation of a node in one step (radian). Default 0.5.
+    pub rotation: Option<Ratio>,
+    /// Largest share of the energy that is not accounted for. Default 0.5.
+    pub balance: Option<Ratio>,
+    /// Smallest time step over that of the settled run. Default 1e-3.
+    pub time_step: Option<Ratio>,
+    /// `Stop` or `Retry(n)`. Default `Stop`.
+    pub on_failure: OnFailure,
+}
+
+impl Default for WatchSpec {
+    fn default() -> Self {
+        let crate::model::Watch { strain, rotation, balance, time_step } = crate::model::Watch::default();
+        let some = |limit| Some(Ratio(limit));
+        WatchSpec {
+            strain: some(strain),
+            rotation: some(rotation),
+            balance: some(balance),
+            time_step: some(time_step),
+            on_failure: OnFailure::Stop,
+        }
+    }
+}
+
 /// How often something is written.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 pub enum Sampling {

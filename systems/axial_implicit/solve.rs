@@ -191,7 +191,7 @@ impl Pack {
         for (j, column) in &mut self.solved {
             column.fill(L::splat(0.0));
             for c in self.couplings.iter().filter(|c| c.member == *j) {
-                column[c.bar] = column[c.bar] + L::from_fn(|l| if l == c.lane { c.gamma } else { 0.0 });
+                column[c.bar] += L::from_fn(|l| if l == c.lane { c.gamma } else { 0.0 });
             }
         }
         self.factorise();
@@ -243,8 +243,8 @@ impl Pack {
         let ring = work[n - 1];
         if *closed {
             let wrap = work[n - 2].upper;
-            work[0].z = work[0].z + ring.upper;
-            work[m - 1].z = work[m - 1].z + wrap;
+            work[0].z += ring.upper;
+            work[m - 1].z += wrap;
         }
         let one = L::splat(1.0);
         // From here on the pivot holds its inverse.
@@ -254,9 +254,9 @@ impl Pack {
             let factor = before.upper * before.pivot;
             let b = &mut work[i];
             b.pivot = one / (b.pivot - factor * before.upper);
-            b.y = b.y - factor * before.y;
+            b.y -= factor * before.y;
             if *closed {
-                b.z = b.z - factor * before.z;
+                b.z -= factor * before.z;
             }
             for (_, column) in solved.iter_mut() {
                 column[i] = column[i] - factor * column[i - 1];
@@ -283,13 +283,13 @@ impl Pack {
             let y = (ring.y - wrap * work[0].y - before * work[m - 1].y) / pivot;
             work[n - 1].y = y;
             for b in &mut work[..m] {
-                b.y = b.y - b.z * y;
+                b.y -= b.z * y;
             }
             for (_, column) in solved.iter_mut() {
                 let c = (column[n - 1] - wrap * column[0] - before * column[m - 1]) / pivot;
                 column[n - 1] = c;
                 for (b, value) in work[..m].iter().zip(column.iter_mut()) {
-                    *value = *value - b.z * c;
+                    *value -= b.z * c;
                 }
             }
         }
@@ -312,7 +312,7 @@ impl Pack {
         for (j, column) in &self.solved {
             let push = L::splat(step.dt * border[*j]);
             for (b, z) in self.work.iter_mut().zip(column) {
-                b.y = b.y + push * *z;
+                b.y += push * *z;
             }
         }
         let (one, half, kick, dt) = (L::splat(1.0), L::splat(0.5), L::splat(step.whole_kick), L::splat(step.dt));
@@ -321,7 +321,7 @@ impl Pack {
             (b.t * b.y).each(|l, pull| pulls[l] = pull);
             let after = b.rest_length * (one + b.y / b.ea);
             let rate_after = (after - b.length - b.turning) / dt;
-            done = done + half * b.y * (b.rate_before + rate_after) * kick;
+            done += half * b.y * (b.rate_before + rate_after) * kick;
         }
         self.done = (0..self.lanes).map(|l| done.lane(l)).sum();
     }

@@ -164,3 +164,12 @@ fn a_verification_writes_its_table_and_plots_and_nothing_over_others() {
     assert_eq!(run(&["verify", "far.ron", "--mesh", "0.2", "--out", "p"]).0, 0);
     assert_eq!(run(&["verify", "far.ron", "--out", "p"]).0, 6);
 }
+
+#[test]
+fn a_closed_output_is_said_with_code_4() {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let output = Command::new(env!("CARGO_BIN_EXE_braid-ecs")).arg("plugins").stdout(writer).output().expect("it runs");
+    assert_eq!(output.status.code(), Some(4));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("standard output was closed"), "{output:?}");
+}

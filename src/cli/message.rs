@@ -8,6 +8,7 @@ use crate::simulation::SimulationError;
 use crate::study::StudyError;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why a command did not finish.
 #[derive(Debug)]
@@ -142,7 +143,17 @@ pub(super) fn line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// A line on standard output; a closed pipe is no reason to fail.
+/// True once a line on standard output was lost: its reader has gone, or its disk is full.
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// A line on standard output. What is under way goes on if it cannot be written; [`lost`] tells in the end.
 pub(super) fn out(text: &str) {
-    let _ = writeln!(std::io::stdout(), "{text}");
+    if writeln!(std::io::stdout(), "{text}").is_err() {
+        LOST.store(true, Ordering::Relaxed);
+    }
+}
+
+/// True if a line on standard output was lost.
+pub(super) fn lost() -> bool {
+    LOST.load(Ordering::Relaxed)
 }

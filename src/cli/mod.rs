@@ -131,6 +131,10 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (None, None) => Err(Failure::Usage("no scene was given".into())),
     };
     match done {
+        Ok(()) if message::lost() => {
+            message::line("error: standard output was closed before all was written there; files are complete");
+            ExitCode::from(4)
+        }
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             message::print(&failure);

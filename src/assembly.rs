@@ -341,6 +341,15 @@ pub type StiffnessSource = fn(&mut World, &mut [StiffnessBound]);
 #[derive(Resource, Default)]
 pub struct StiffnessSources(pub Vec<(&'static str, StiffnessSource)>);
 
+/// Stiffness that comes and goes from step to step: its source among the [`StiffnessSources`] is asked before a run only.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ActingStiffness {
+    /// Name of the source.
+    pub name: &'static str,
+    /// Rows and what acts at them now, as stiffness over mass (1 / time^2).
+    pub rows: Vec<(u32, f64)>,
+}
+
 /// Set by a system that has added stiffness since the last look at the time step: look again in
 /// this step.
 #[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]

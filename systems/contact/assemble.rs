@@ -15,8 +15,8 @@ use rayon::prelude::*;
 /// Records per parallel chunk.
 const CHUNK: usize = 512;
 
-/// Sums over the records of one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Sums over the records of one step, and which of them need more than that.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Totals {
     /// Work lost to friction.
     pub friction: f64,
@@ -24,10 +24,25 @@ pub struct Totals {
     pub damping: f64,
     /// Work put in by overlap that goes away in time.
     pub relaxed: f64,
-    /// Records that have left their segment.
-    pub strayed: bool,
     /// The angle between touching filaments has grown so that crossings must be looked for.
     pub turned: bool,
+    /// Records that have left their segment, in order.
+    pub strayed: Vec<u32>,
+    /// Records with a force, in order.
+    pub touching: Vec<u32>,
+    /// Records that touch or may do so within [`AHEAD`] steps, with their stiffness (force / length).
+    pub bearing: Vec<(u32, f64)>,
+}
+
+/// Steps in which a record whose overlap grows as in the last one counts as touching: the time step needs two to follow.
+const AHEAD: f64 = 4.0;
+
+/// Overlap that is to be expected.
+#[inline(always)]
+fn expected<L: Lane>(overlap: L, before: impl Fn(usize) -> f64) -> L {
+    // A record just found does not know its overlap before.
+    let growth = (overlap - L::from_fn(before)).upper(L::splat(0.0));
+    overlap + growth * L::splat(AHEAD)
 }
 
 impl Totals {
@@ -42,34 +57,58 @@ impl Totals {
     }
 
     /// Adds another part.
-    pub fn add(&mut self, other: Totals) {
+    fn add(&mut self, other: Totals) {
         self.friction += other.friction;
         self.damping += other.damping;
         self.relaxed += other.relaxed;
-        self.strayed |= other.strayed;
         self.turned |= other.turned;
+        self.strayed.extend(other.strayed);
+        self.touching.extend(other.touching);
+        self.bearing.extend(other.bearing);
+    }
+
+    /// Notes the stiffness of record `k` if it touches or soon will.
+    #[inline(always)]
+    fn bear(&mut self, k: usize, stiffness: f64) {
+        if stiffness > 0.0 {
+            self.bearing.push((k as u32, stiffness));
+        }
+    }
+
+    /// Notes where record `k` is now, and whether it has a force.
+    #[inline(always)]
+    fn note(&mut self, k: usize, strayed: bool, force: DVec3) {
+        if strayed {
+            self.strayed.push(k as u32);
+        }
+        if force != DVec3::ZERO {
+            self.touching.push(k as u32);
+        }
     }
 }
 
-/// Runs `f` over chunks of three columns and adds up what it returns, always in the same order.
-fn by_chunks<A: Sync, B: Send, C: Send>(
+/// Runs `f` on every group of four records (or single ones) of three columns, with the number of its first one, and adds up
+/// what it counts, always in the same order.
+fn by_groups<A: Sync, B: Send, C: Send>(
     a: &[A],
     b: &mut [B],
     c: &mut [C],
-    f: impl Fn(&[A], &mut [B], &mut [C]) -> Totals + Sync,
+    f: impl Fn(usize, &[A], &mut [B], &mut [C], &mut Totals) + Sync,
 ) -> Totals {
-    let mut sum = Totals::default();
-    if a.len() < 2 * CHUNK || rayon::current_num_threads() == 1 {
-        for ((a, b), c) in a.chunks(CHUNK).zip(b.chunks_mut(CHUNK)).zip(c.chunks_mut(CHUNK)) {
-            sum.add(f(a, b, c));
+    let of = |(number, ((a, b), c)): (usize, ((&[A], &mut [B]), &mut [C]))| {
+        let mut sum = Totals::default();
+        for group in lane::groups(a.len()) {
+            f(number * CHUNK + group.start, &a[group.clone()], &mut b[group.clone()], &mut c[group], &mut sum);
         }
+        sum
+    };
+    let parts: Vec<Totals> = if a.len() < 2 * CHUNK || rayon::current_num_threads() == 1 {
+        a.chunks(CHUNK).zip(b.chunks_mut(CHUNK)).zip(c.chunks_mut(CHUNK)).enumerate().map(of).collect()
     } else {
-        let parts: Vec<Totals> =
-            a.par_chunks(CHUNK).zip(b.par_chunks_mut(CHUNK)).zip(c.par_chunks_mut(CHUNK)).map(|((a, b), c)| f(a, b, c)).collect();
-        for part in parts {
-            sum.add(part);
-        }
-    }
+        a.par_chunks(CHUNK).zip(b.par_chunks_mut(CHUNK)).zip(c.par_chunks_mut(CHUNK)).enumerate().map(of).collect()
+    };
+    let mut sum = Totals::default();
+    parts.into_iter().for_each(|part| sum.add(part));
     sum
 }
 
@@ -79,25 +118,24 @@ pub fn of_line(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &Lin
     line_contact(penalty, lines, now, record, state, &beside(lines, now, record, state))
 }
 
-/// Calls `f` with the number of every line record, the parameter on its segment, and its stiffness.
-pub fn each_line(
-    penalty: &Penalty,
-    lines: &Lines,
-    now: &Centrelines,
-    records: &[LineRecord],
-    states: &[LineState],
-    mut f: impl FnMut(usize, f64, f64),
-) {
-    for group in lane::groups(records.len()) {
-        let (records, states, wide) = (&records[group.clone()], &states[group.clone()], group.len() == f64x4::WIDTH);
-        if wide {
-            let c = line_contact::<f64x4>(penalty, lines, now, records, states, &beside(lines, now, records, states));
-            group.enumerate().for_each(|(lane, k)| f(k, c.t[1].lane(lane), c.stiffness.lane(lane)));
-        } else {
-            let c = of_line(penalty, lines, now, &records[0], &states[0]);
-            f(group.start, c.t[1], c.stiffness);
+/// Parameter on its segment, and stiffness, of every line record.
+pub fn line_stiffnesses(penalty: &Penalty, lines: &Lines, now: &Centrelines, records: &[LineRecord], states: &[LineState]) -> Vec<(f64, f64)> {
+    let of = |range: std::ops::Range<usize>| {
+        let mut out = Vec::with_capacity(range.len());
+        for group in lane::groups(range.len()) {
+            let group = range.start + group.start..range.start + group.end;
+            let (records, states) = (&records[group.clone()], &states[group]);
+            if records.len() == f64x4::WIDTH {
+                let c = line_contact::<f64x4>(penalty, lines, now, records, states, &beside(lines, now, records, states));
+                out.extend((0..f64x4::WIDTH).map(|lane| (c.t[1].lane(lane), c.stiffness.lane(lane))));
+            } else {
+                let c = of_line(penalty, lines, now, &records[0], &states[0]);
+                out.push((c.t[1], c.stiffness));
+            }
         }
-    }
+        out
+    };
+    parallel::chunks(records.len(), CHUNK, of).concat()
 }
 
 /// One point record, with all that can be said about it.
@@ -124,18 +162,12 @@ pub fn evaluate_lines(
     states: &mut [LineState],
     forces: &mut [LineForce],
 ) -> Totals {
-    by_chunks(records, states, forces, |records, states, forces| {
-        let mut sum = Totals::default();
-        for group in lane::groups(records.len()) {
-            let wide = group.len() == f64x4::WIDTH;
-            let (records, states, forces) = (&records[group.clone()], &mut states[group.clone()], &mut forces[group]);
-            if wide {
-                lines_at_once::<f64x4>(penalty, lines, now, records, states, forces, &mut sum);
-            } else {
-                lines_at_once::<f64>(penalty, lines, now, records, states, forces, &mut sum);
-            }
+    by_groups(records, states, forces, |first, records, states, forces, sum| {
+        if records.len() == f64x4::WIDTH {
+            lines_at_once::<f64x4>(penalty, lines, now, first, records, states, forces, sum);
+        } else {
+            lines_at_once::<f64>(penalty, lines, now, first, records, states, forces, sum);
         }
-        sum
     })
 }
 
@@ -145,25 +177,32 @@ fn lines_at_once<L: Lane>(
     penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
+    first: usize,
     records: &[LineRecord],
     states: &mut [LineState],
     forces: &mut [LineForce],
     sum: &mut Totals,
 ) {
     let at = beside::<L>(lines, now, records, states);
-    if !L::any(L::splat(0.0).less(at.overlap)) && states.iter().all(|s| s.damper == 0.0) {
+    let soon = L::splat(0.0).less(expected(at.overlap, |l| states[l].overlap));
+    if !L::any(soon) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
+            // Who did not touch before has no force to take back.
+            if states[lane].stiffness != APART {
+                forces[lane].0.force = DVec3::ZERO;
+            }
             states[lane] = LineState { stiffness: APART, overlap: at.overlap.lane(lane), ..LineState::at(t) };
-            (forces[lane].0.force, forces[lane].0.t) = (DVec3::ZERO, [0.0, t]);
-            sum.strayed |= strayed(t);
+            sum.note(first + lane, strayed(t), DVec3::ZERO);
         }
         return;
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
     let (r, kept) = (&c.response, kept_stiffness(c.stiffness, at.overlap));
+    let bears = L::pick(soon, c.stiffness, L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = c.t[1].lane(lane);
+        sum.bear(first + lane, bears.lane(lane));
         sum.count(penalty, r, states[lane].offset, lane);
         states[lane] = LineState {
             t,
@@ -174,7 +213,7 @@ fn lines_at_once<L: Lane>(
             overlap: at.overlap.lane(lane),
         };
         forces[lane] = LineForce(action(&c, lane));
-        sum.strayed |= strayed(t);
+        sum.note(first + lane, strayed(t), forces[lane].0.force);
         sum.turned |= c.turned.lane(lane) > 0.0;
     }
 }
@@ -188,18 +227,12 @@ pub fn evaluate_points(
     states: &mut [PointState],
     forces: &mut [PointForce],
 ) -> Totals {
-    by_chunks(records, states, forces, |records, states, forces| {
-        let mut sum = Totals::default();
-        for group in lane::groups(records.len()) {
-            let wide = group.len() == f64x4::WIDTH;
-            let (records, states, forces) = (&records[group.clone()], &mut states[group.clone()], &mut forces[group]);
-            if wide {
-                points_at_once::<f64x4>(penalty, lines, now, records, states, forces, &mut sum);
-            } else {
-                points_at_once::<f64>(penalty, lines, now, records, states, forces, &mut sum);
-            }
+    by_groups(records, states, forces, |first, records, states, forces, sum| {
+        if records.len() == f64x4::WIDTH {
+            points_at_once::<f64x4>(penalty, lines, now, first, records, states, forces, sum);
+        } else {
+            points_at_once::<f64>(penalty, lines, now, first, records, states, forces, sum);
         }
-        sum
     })
 }
 
@@ -209,6 +242,7 @@ fn points_at_once<L: Lane>(
     penalty: &Penalty,
     lines: &Lines,
     now: &Centrelines,
+    first: usize,
     records: &[PointRecord],
     states: &mut [PointState],
     forces: &mut [PointForce],
@@ -218,8 +252,11 @@ fn points_at_once<L: Lane>(
     let r = &c.response;
     let overlap = c.penetration + c.offset;
     let kept = kept_stiffness(c.stiffness, overlap);
+    let soon = L::splat(0.0).less(expected(overlap, |l| states[l].overlap));
+    let bears = L::pick(soon, c.stiffness, L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
+        sum.bear(first + lane, bears.lane(lane));
         sum.count(penalty, r, states[lane].offset, lane);
         states[lane] = PointState {
             t,
@@ -230,7 +267,7 @@ fn points_at_once<L: Lane>(
             overlap: overlap.lane(lane),
         };
         forces[lane] = PointForce(action(&c, lane));
-        sum.strayed |= t.iter().any(|t| strayed(*t));
+        sum.note(first + lane, t.iter().any(|t| strayed(*t)), forces[lane].0.force);
     }
 }
 
@@ -294,20 +331,20 @@ pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> impl 
     all.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0).map(move |(k, weight)| (first.wrapping_add(k as u32), weight))
 }
 
-/// Adds the forces of all records to the rows, record by record: few of a list touch, and one order gives
+/// Records, their forces, and which of them have one.
+pub type Acting<'a, R, F> = (&'a [R], &'a [F], &'a [u32]);
+
+/// Adds the forces of all records that touch to the rows, record by record: few of a list do, and one order gives
 /// one sum, whatever the number of threads.
 pub fn scatter(
     lines: &Lines,
     now: &Centrelines,
-    (line_records, line_forces): (&[LineRecord], &[LineForce]),
-    (point_records, point_forces): (&[PointRecord], &[PointForce]),
+    (line_records, line_forces, touching_lines): Acting<'_, LineRecord, LineForce>,
+    (point_records, point_forces, touching_points): Acting<'_, PointRecord, PointForce>,
     mut add: impl FnMut(usize, DVec3),
 ) {
-    for (r, f) in line_records.iter().zip(line_forces) {
-        let Action { force, normal, turn, t } = f.0;
-        if force == DVec3::ZERO {
-            continue;
-        }
+    for k in touching_lines {
+        let (r, Action { force, normal, turn, t }) = (&line_records[*k as usize], line_forces[*k as usize].0);
         put(lines, r.node, force, &mut add);
         if turn[0] != 0.0 {
             put_turn(lines, r.node, normal * turn[0], &mut add);
@@ -315,11 +352,8 @@ pub fn scatter(
         put_along(lines, now, r.segment, t[1], (-force, normal * turn[1]), &mut add);
         put_image(lines, r.image, -force, &mut add);
     }
-    for (r, f) in point_records.iter().zip(point_forces) {
-        let Action { force, normal, turn, t } = f.0;
-        if force == DVec3::ZERO {
-            continue;
-        }
+    for k in touching_points {
+        let (r, Action { force, normal, turn, t }) = (&point_records[*k as usize], point_forces[*k as usize].0);
         put_along(lines, now, r.segments[0], t[0], (force, normal * turn[0]), &mut add);
         put_along(lines, now, r.segments[1], t[1], (-force, normal * turn[1]), &mut add);
         put_image(lines, r.image, -force, &mut add);

@@ -145,6 +145,8 @@ pub struct Needed {
     pub places: Vec<u32>,
     /// Slots of which the tangent is needed, in order.
     pub frames: Vec<u32>,
+    /// Whether it is, by slot.
+    pub marked: Vec<bool>,
 }
 
 /// Marks on the slots.
@@ -205,7 +207,14 @@ impl Needed {
         }
         places.clear();
         places.extend((0..marks.place.len()).filter(|i| marks.place[*i]).map(|i| i as u32));
+        self.marked = marks.frame;
         self.stale = false;
+    }
+
+    /// True if the centreline of a segment is brought up to date in every step.
+    pub fn covers(&self, segment: u32) -> bool {
+        let j = segment as usize;
+        self.marked.get(j..j + 2).is_some_and(|m| m[0] && m[1])
     }
 }
 

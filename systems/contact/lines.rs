@@ -92,8 +92,8 @@ pub struct Lines {
     pub links: Vec<[Link; 2]>,
     /// Period vectors.
     pub images: Images,
-    /// Row that carries the motion of a dependent periodic node, by row.
-    pub independent: Vec<u32>,
+    /// Rows that carry the motion of dependent periodic nodes, each with one of these, in order.
+    copies: Vec<(u32, u32)>,
     /// Numbers of all slots.
     pub every: Vec<u32>,
     /// Rows of the nodes of all filaments, filament by filament.
@@ -127,14 +127,14 @@ impl Lines {
     /// # Errors
     /// More than three period vectors, or a filament that ends in two others.
     pub fn new(model: &Model, row: impl Fn(NodeId) -> usize, x: &[DVec3]) -> Result<Lines, String> {
-        let mut lines = Lines { independent: (0..x.len() as u32).collect(), ..Lines::default() };
+        let mut lines = Lines::default();
         lines.model_index =
             (0..model.filaments.len()).filter(|&f| model.filaments[f].contact && model.filaments[f].nodes.len() > 1).collect();
         if lines.model_index.is_empty() {
             return Ok(lines);
         }
         for pair in &model.periodic {
-            lines.independent[row(pair.image)] = row(pair.node) as u32;
+            lines.copies.push((row(pair.node) as u32, row(pair.image) as u32));
             for d in &pair.dummies {
                 let r = row(*d) as u32;
                 if !lines.images.dummies.contains(&r) {
@@ -142,6 +142,7 @@ impl Lines {
                 }
             }
         }
+        lines.copies.sort_unstable();
         lines.images.dummies.sort_unstable();
         if lines.images.dummies.len() > 3 {
             return Err(format!("contact looks across at most three period vectors, the model has {}", lines.images.dummies.len()));
@@ -325,6 +326,12 @@ impl Lines {
         if (a + b) & 1 == 0 { a < b } else { a > b }
     }
 
+    /// Rows of every periodic node and its copies.
+    pub fn copies(&self) -> impl Iterator<Item = impl Iterator<Item = usize> + Clone + '_> {
+        let alike = self.copies.chunk_by(|a, b| a.0 == b.0);
+        alike.map(|copies| std::iter::once(copies[0].0 as usize).chain(copies.iter().map(|(_, row)| *row as usize)))
+    }
+
     /// Slots of segments, in order.
     pub fn segments(&self) -> impl Iterator<Item = u32> + '_ {
         self.slots.iter().enumerate().filter(|(_, s)| s.segment).map(|(i, _)| i as u32)
@@ -437,12 +444,9 @@ fn put_frame(s: &Stencil, i: usize, x: &[[f64; 4]], v: &[[f64; 4]], tangent: &mu
 /// Masses by row in which periodic copies of a node share the mass of the whole node.
 pub fn joint_masses(lines: &Lines, mass: &[Mass]) -> Vec<f64> {
     let mut joint: Vec<f64> = mass.iter().map(|m| m.0).collect();
-    for (row, &to) in lines.independent.iter().enumerate() {
-        if to as usize != row {
-            let sum = joint[row] + joint[to as usize];
-            joint[to as usize] = sum;
-            joint[row] = sum;
-        }
+    for copies in lines.copies() {
+        let whole: f64 = copies.clone().map(|row| mass[row].0).sum();
+        copies.for_each(|row| joint[row] = whole);
     }
     joint
 }

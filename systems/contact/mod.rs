@@ -83,6 +83,9 @@ fn install(cx: &mut Install<'_>) {
     }
 }
 
+/// Name in reports of the time step.
+const NAME: &str = "contact";
+
 fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> {
     spec.check().map_err(|e| format!("contact.{}: {e}", e.path))?;
     if cx.model.filaments.iter().filter(|f| f.contact).count() == 0 || !install_lines(cx)? {
@@ -104,7 +107,9 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.init_resource::<InnerList>();
     cx.world.resource_mut::<Needed>().sources.push(mark);
     cx.world.init_resource::<LiveRecords>();
-    cx.world.init_resource::<StiffnessChanged>();
+    let burden = stiffness::Burden::new(cx.world.resource::<Lines>(), &cx.world.resource::<JointMasses>().0);
+    cx.world.insert_resource(burden);
+    cx.world.insert_resource(ActingStiffness { name: NAME, rows: Vec::new() });
     cx.world.init_resource::<Requests>();
     cx.world.init_resource::<EnergyLedger>();
     make_list(cx.world);
@@ -120,9 +125,8 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     if spec.initial_overlap == InitialOverlap::Error {
         refuse_overlap(cx.world)?;
     }
-    cx.world.get_resource_or_init::<StiffnessSources>().0.push(("contact", stiffness::bounds));
+    cx.world.get_resource_or_init::<StiffnessSources>().0.push((NAME, stiffness::bounds));
     remember(cx);
-    cx.add_system(StepSet::ContactSearch, follow);
     cx.add_system(StepSet::ContactSearch, rebuild);
     cx.add_system(StepSet::ContactForces, forces);
     monitor::install(cx);

@@ -59,7 +59,7 @@ pub struct Action {
     /// Forces along the normal on the tangents of both bodies, from friction at the surface; of an earlier step if
     /// the force is zero.
     pub turn: [f64; 2],
-    /// Parameters on both bodies.
+    /// Parameters on both bodies; of an earlier step if the force is zero.
     pub t: [f64; 2],
 }
 

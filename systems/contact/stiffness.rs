@@ -1,6 +1,6 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
-use super::assemble::{carriers, each_line, of_point};
+use super::assemble::{carriers, line_stiffnesses, of_point};
 use super::inner::refresh_all;
 use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, NONE};
@@ -96,9 +96,9 @@ pub fn resolve(world: &mut World) {
     penalty.point_stiffness = point;
 }
 
-/// Adds the bounds of the near records, which are those that may touch before the next look, and before this is asked
-/// again: for K = k n n^t w w^t the row sums give K <= diag(k |w_i| sum |w_j|). The friction spring has the weights w along the filament and, where it turns
-/// a tangent, others across it.
+/// Adds the bounds of the near records, touching or not: for K = k n n^t w w^t the row sums give
+/// K <= diag(k |w_i| sum |w_j|). The friction spring has the weights w along the filament and, where it turns
+/// a tangent, others across it. For the first step, and for who asks before a run; in a run [`Burden`] follows what touches.
 pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     resolve(world);
     refresh_all(world);
@@ -109,82 +109,162 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let (lines, now, penalty) = (world.resource::<Lines>(), world.resource::<Centrelines>(), *world.resource::<Penalty>());
     let mut still = penalty;
     still.law.dt = 0.0;
-    let narrow = penalty.law.damped_stiffness();
-    let mut spread = Spread::new(lines, masses.len());
-    let tangential = if penalty.law.friction > 0.0 { penalty.law.tangential } else { 0.0 };
-    let radius = |slot: u32| lines.slots[slot as usize].radius;
-    let (records, states): (Vec<LineRecord>, Vec<LineState>) = line_query.iter(world).take(live.near_lines).map(|(r, s)| (*r, *s)).unzip();
-    each_line(&still, lines, now, &records, &states, |k, t, stiffness| {
-        let record = &records[k];
-        if stiffness == 0.0 {
-            return;
-        }
-        spread.node(record.node, 1.0);
-        spread.segment(now, record.segment, t);
-        spread.image(record.image);
-        spread.turn(record.node, radius(record.node));
-        spread.turn_along(now, record.segment, t);
-        spread.add(stiffness * narrow, tangential * stiffness);
-    });
-    for (record, state) in point_query.iter(world).take(live.near_points) {
-        let c = of_point(&still, lines, now, record, state);
-        if c.stiffness == 0.0 {
-            continue;
-        }
-        spread.segment(now, record.segments[0], c.t[0]);
-        spread.segment(now, record.segments[1], c.t[1]);
-        spread.image(record.image);
-        spread.turn_along(now, record.segments[0], c.t[0]);
-        spread.turn_along(now, record.segments[1], c.t[1]);
-        spread.add(c.stiffness * narrow, tangential * c.stiffness);
+    let (mut spread, mut kappa) = (Spread::new(lines, &penalty), vec![0.0; masses.len()]);
+    let mut add = |row: u32, k: f64| kappa[row as usize] += k;
+    let mut query = line_query.query(world);
+    let (records, states) = columns(&mut query);
+    let (records, states) = (&records[..live.near_lines], &states[..live.near_lines]);
+    for (record, (t, stiffness)) in records.iter().zip(line_stiffnesses(&still, lines, now, records, states)) {
+        spread.line(now, record, t, stiffness, &mut add);
     }
-    let mut kappa = spread.kappa;
+    let mut query = point_query.query(world);
+    let (records, states) = columns(&mut query);
+    for (record, state) in records[..live.near_points].iter().zip(states) {
+        let c = of_point(&still, lines, now, record, state);
+        spread.point(now, record, c.t, c.stiffness, &mut add);
+    }
     share_copies(lines, &masses, &mut kappa);
     for (o, k) in out.iter_mut().zip(kappa) {
         o.translation += k;
     }
 }
 
-/// A node and its periodic copies move together: their stiffness is theirs in proportion to mass.
-pub fn share_copies(lines: &Lines, masses: &[f64], kappa: &mut [f64]) {
-    let mut sums: std::collections::BTreeMap<u32, (f64, f64)> = std::collections::BTreeMap::new();
-    for (row, &to) in lines.independent.iter().enumerate() {
-        if to as usize != row {
-            sums.entry(to).or_insert((kappa[to as usize], masses[to as usize]));
-            let sum = sums.get_mut(&to).expect("just entered");
-            sum.0 += kappa[row];
-            sum.1 += masses[row];
+/// The stiffness of the records that touch or soon will, by row: what contacts do to the time step now.
+///
+/// Many records of a node are near, few touch at a time, and the step may follow those. One spring alone that is hit
+/// within a step or two must be resolved better than stability asks for, or the hit makes energy; [`ALONE`].
+#[derive(Resource, Clone, Debug, Default)]
+pub struct Burden {
+    /// Row that stands for each row: that of the node for its periodic copies.
+    carrier: Vec<u32>,
+    /// Mass of the whole node, by row.
+    mass: Vec<f64>,
+    sum: Vec<f64>,
+    largest: Vec<f64>,
+    rows: Vec<u32>,
+}
+
+/// Factor on the stiffness of the stiffest spring at a node: 1.1 / omega instead of 1.8 / omega for one alone.
+const ALONE: f64 = 2.5;
+
+impl Burden {
+    /// Of nothing yet.
+    pub fn new(lines: &Lines, masses: &[f64]) -> Self {
+        let mut carrier: Vec<u32> = (0..masses.len() as u32).collect();
+        for mut copies in lines.copies() {
+            let to = copies.next().expect("a node has itself");
+            copies.for_each(|row| carrier[row] = to as u32);
+        }
+        let none = vec![0.0; masses.len()];
+        Burden { carrier, mass: masses.to_vec(), sum: none.clone(), largest: none, rows: Vec::new() }
+    }
+
+    fn add(&mut self, row: u32, stiffness: f64) {
+        let row = self.carrier[row as usize];
+        let (sum, largest) = (&mut self.sum[row as usize], &mut self.largest[row as usize]);
+        if *sum == 0.0 {
+            self.rows.push(row);
+        }
+        *sum += stiffness;
+        *largest = largest.max(stiffness);
+    }
+
+    /// Takes over the records of this step.
+    pub fn take(
+        &mut self,
+        penalty: &Penalty,
+        lines: &Lines,
+        now: &Centrelines,
+        (line_records, line_states, lines_bearing): (&[LineRecord], &[LineState], &[(u32, f64)]),
+        (point_records, point_states, points_bearing): (&[PointRecord], &[PointState], &[(u32, f64)]),
+        out: &mut ActingStiffness,
+    ) {
+        let mut spread = Spread::new(lines, penalty);
+        for (k, stiffness) in lines_bearing {
+            let k = *k as usize;
+            spread.line(now, &line_records[k], line_states[k].t, *stiffness, &mut |row, k| self.add(row, k));
+        }
+        for (k, stiffness) in points_bearing {
+            let k = *k as usize;
+            spread.point(now, &point_records[k], point_states[k].t, *stiffness, &mut |row, k| self.add(row, k));
+        }
+        out.rows.clear();
+        for row in self.rows.drain(..) {
+            let i = row as usize;
+            if self.mass[i] > 0.0 {
+                out.rows.push((row, self.sum[i].max(ALONE * self.largest[i]) / self.mass[i]));
+            }
+            (self.sum[i], self.largest[i]) = (0.0, 0.0);
         }
     }
-    for (row, &to) in lines.independent.iter().enumerate() {
-        if let Some((k, m)) = sums.get(&to)
-            && *m > 0.0
-        {
-            kappa[row] = k * masses[row] / m;
+}
+
+/// A node and its periodic copies move together: their stiffness is theirs in proportion to mass.
+pub fn share_copies(lines: &Lines, masses: &[f64], kappa: &mut [f64]) {
+    for copies in lines.copies() {
+        let (k, m) = copies.clone().fold((0.0, 0.0), |(k, m), row| (k + kappa[row], m + masses[row]));
+        if m > 0.0 {
+            copies.for_each(|row| kappa[row] = k * masses[row] / m);
         }
     }
 }
 
 /// Collects the weights of one record by row.
 pub struct Spread<'a> {
-    /// The filaments.
-    pub lines: &'a Lines,
-    /// Bound of each row.
-    pub kappa: Vec<f64>,
+    lines: &'a Lines,
+    /// Factor on normal stiffnesses, and tangential over normal stiffness.
+    normal: f64,
+    tangential: f64,
     /// Weights of the current record; the rows may repeat.
-    pub weights: Vec<(u32, f64)>,
+    weights: Vec<(u32, f64)>,
     /// Those by which friction at the surface turns a tangent.
-    pub turns: Vec<(u32, f64)>,
+    turns: Vec<(u32, f64)>,
 }
 
 impl<'a> Spread<'a> {
-    /// Of no record so far.
-    pub fn new(lines: &'a Lines, rows: usize) -> Self {
-        Spread { lines, kappa: vec![0.0; rows], weights: Vec::new(), turns: Vec::new() }
+    /// For contacts between filaments.
+    fn new(lines: &'a Lines, penalty: &Penalty) -> Self {
+        let tangential = if penalty.law.friction > 0.0 { penalty.law.tangential } else { 0.0 };
+        Spread { normal: penalty.law.damped_stiffness(), tangential, ..Spread::without_friction(lines) }
+    }
+
+    /// For contacts whose friction does not count, with a factor of one on the stiffness.
+    pub fn without_friction(lines: &'a Lines) -> Self {
+        Spread { lines, normal: 1.0, tangential: 0.0, weights: Vec::new(), turns: Vec::new() }
+    }
+
+    /// Hands the bounds of a line record to `add`.
+    fn line(&mut self, now: &Centrelines, record: &LineRecord, t: f64, stiffness: f64, add: &mut impl FnMut(u32, f64)) {
+        if stiffness == 0.0 {
+            return;
+        }
+        self.node(record.node, 1.0);
+        self.segment(now, record.segment, t);
+        self.image(record.image);
+        if self.tangential > 0.0 {
+            self.turn(record.node, self.lines.slots[record.node as usize].radius);
+            self.turn_along(now, record.segment, t);
+        }
+        self.add(stiffness, add);
+    }
+
+    /// Hands the bounds of a point record to `add`.
+    fn point(&mut self, now: &Centrelines, record: &PointRecord, t: [f64; 2], stiffness: f64, add: &mut impl FnMut(u32, f64)) {
+        if stiffness == 0.0 {
+            return;
+        }
+        for (segment, t) in record.segments.into_iter().zip(t) {
+            self.segment(now, segment, t);
+            if self.tangential > 0.0 {
+                self.turn_along(now, segment, t);
+            }
+        }
+        self.image(record.image);
+        self.add(stiffness, add);
     }
 
     /// Adds the weights of the tangent of a slot, `arm` away from the surface.
-    pub fn turn(&mut self, slot: u32, arm: f64) {
+    fn turn(&mut self, slot: u32, arm: f64) {
         for (at, c) in self.lines.tangent_slots(slot) {
             let row = self.lines.slots[at as usize].row;
             if row != NONE {
@@ -194,7 +274,7 @@ impl<'a> Spread<'a> {
     }
 
     /// Adds the weights of the tangent at parameter `t` of a segment.
-    pub fn turn_along(&mut self, now: &Centrelines, segment: u32, t: f64) {
+    fn turn_along(&mut self, now: &Centrelines, segment: u32, t: f64) {
         let h = now.tangent[segment as usize][3];
         let chord = now.x[segment as usize + 1].iter().zip(&now.x[segment as usize]).take(3).map(|(b, a)| (b - a).powi(2)).sum::<f64>();
         // The arm acts on the unit tangent, the nodes make tangents per length.
@@ -203,6 +283,7 @@ impl<'a> Spread<'a> {
         self.turn(segment, arm * (1.0 - s));
         self.turn(segment + 1, arm * s);
     }
+
     /// Adds the weight of a slot.
     pub fn node(&mut self, slot: u32, weight: f64) {
         let s = &self.lines.slots[slot as usize];
@@ -219,7 +300,7 @@ impl<'a> Spread<'a> {
     }
 
     /// Adds the weights of the dummy nodes behind an image.
-    pub fn image(&mut self, image: super::images::Image) {
+    fn image(&mut self, image: super::images::Image) {
         let k = self.lines.images.multiples(image);
         for (d, row) in self.lines.images.dummies.iter().enumerate() {
             if k[d] != 0 {
@@ -228,16 +309,13 @@ impl<'a> Spread<'a> {
         }
     }
 
-    /// Adds the bound of springs of this normal and tangential stiffness with the collected weights.
-    pub fn add(&mut self, normal: f64, tangential: f64) {
+    /// Hands the bounds of springs of this stiffness with the collected weights to `put`.
+    pub fn add(&mut self, stiffness: f64, put: &mut impl FnMut(u32, f64)) {
         let sum = |weights: &[(u32, f64)]| weights.iter().map(|w| w.1.abs()).sum::<f64>();
         let pushed = sum(&self.weights);
-        let dragged = tangential * (pushed + sum(&self.turns));
-        for (row, w) in self.weights.drain(..) {
-            self.kappa[row as usize] += (normal * pushed).max(dragged) * w.abs();
-        }
-        for (row, w) in self.turns.drain(..) {
-            self.kappa[row as usize] += dragged * w.abs();
-        }
+        let dragged = stiffness * self.tangential * (pushed + sum(&self.turns));
+        let either = (stiffness * self.normal * pushed).max(dragged);
+        self.weights.drain(..).for_each(|(row, w)| put(row, either * w.abs()));
+        self.turns.drain(..).for_each(|(row, w)| put(row, dragged * w.abs()));
     }
 }

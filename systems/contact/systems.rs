@@ -7,14 +7,13 @@ use super::list::{Builder, excluded};
 use super::records::*;
 use super::search::Search;
 use super::spec::InitialOverlap;
+use super::stiffness::Burden;
 use crate::systems::energy::{LookNow, MonitorEvery};
 use braid_ecs::prelude::*;
 
 /// What the last evaluation asks of the next search.
 #[derive(Resource, Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Requests {
-    /// Records have left their segment.
-    pub strayed: bool,
     /// Filaments that touch have turned against each other: crossings must be looked for.
     pub turned: bool,
 }
@@ -64,33 +63,6 @@ pub fn refresh(
         all |= inner.due;
     }
     now.refresh(&lines, x, v, &masses.0, (!all).then_some(&*needed));
-}
-
-/// Records that have left their segment move to the next one.
-pub fn follow(
-    lines: Res<Lines>,
-    live: Res<LiveRecords>,
-    inner: Res<InnerList>,
-    mut requests: ResMut<Requests>,
-    mut needed: ResMut<Needed>,
-    mut line: Query<(&mut LineRecord, &mut LineState)>,
-    mut point: Query<(&mut PointRecord, &mut PointState)>,
-) {
-    if !requests.strayed {
-        return;
-    }
-    // Far records may wait for the next look.
-    let (n, m) = if inner.due { (live.lines, live.points) } else { (live.near_lines, live.near_points) };
-    let (mut lr, mut ls) = columns(&mut line);
-    let (mut pr, mut ps) = columns(&mut point);
-    for (r, s) in lr.bypass_change_detection()[..n].iter_mut().zip(ls.bypass_change_detection()) {
-        r.rehome(&lines, &mut s.t);
-    }
-    for (r, s) in pr.bypass_change_detection()[..m].iter_mut().zip(ps.bypass_change_detection()) {
-        r.rehome(&lines, &mut s.t);
-    }
-    requests.strayed = !inner.due;
-    needed.stale = true;
 }
 
 /// Makes a new list if one is due.
@@ -174,13 +146,14 @@ pub fn settle(world: &mut World) {
     world.resource_mut::<Centrelines>().complete = false;
 }
 
-/// Forces of the near records, or of all in a step with a look, and their sums at the nodes.
+/// Forces of the near records, or of all in a step with a look, their sums at the nodes, and the stiffness of those that touch or soon will.
 pub fn forces(
     clock: Res<Clock>,
     relaxation: Res<Relaxation>,
     (lines, now, search): (Res<Lines>, Res<Centrelines>, Res<Search>),
     (mut penalty, mut requests, mut needed): (ResMut<Penalty>, ResMut<Requests>, ResMut<Needed>),
-    (mut live, mut inner, mut changed): (ResMut<LiveRecords>, ResMut<InnerList>, ResMut<StiffnessChanged>),
+    (mut live, mut inner): (ResMut<LiveRecords>, ResMut<InnerList>),
+    (mut burden, mut acting): (ResMut<Burden>, ResMut<ActingStiffness>),
     mut ledger: ResMut<EnergyLedger>,
     mut line: Query<(&mut LineRecord, &mut LineState, &mut LineForce)>,
     mut point: Query<(&mut PointRecord, &mut PointState, &mut PointForce)>,
@@ -195,21 +168,33 @@ pub fn forces(
         (&mut lr.bypass_change_detection()[..n], &mut ls.bypass_change_detection()[..n], &mut lf.bypass_change_detection()[..n]);
     let (pr, ps, pf) =
         (&mut pr.bypass_change_detection()[..m], &mut ps.bypass_change_detection()[..m], &mut pf.bypass_change_detection()[..m]);
-    let mut total = evaluate_lines(&penalty, &lines, &now, lr, ls, lf);
-    total.add(evaluate_points(&penalty, &lines, &now, pr, ps, pf));
-    requests.strayed |= total.strayed;
-    requests.turned |= total.turned;
-    ledger.friction += total.friction;
-    ledger.damping += total.damping;
-    ledger.external_work += total.relaxed;
+    let of_lines = evaluate_lines(&penalty, &lines, &now, lr, ls, lf);
+    let of_points = evaluate_points(&penalty, &lines, &now, pr, ps, pf);
+    for total in [&of_lines, &of_points] {
+        requests.turned |= total.turned;
+        ledger.friction += total.friction;
+        ledger.damping += total.damping;
+        ledger.external_work += total.relaxed;
+    }
     let (x, mut force) = columns(&mut nodes);
     let force = force.bypass_change_detection();
-    scatter(&lines, &now, (lr, lf), (pr, pf), |row, f| force[row].0 += f);
+    scatter(&lines, &now, (lr, lf, &of_lines.touching), (pr, pf, &of_points.touching), |row, f| force[row].0 += f);
+    burden.take(&penalty, &lines, &now, (lr, ls, &of_lines.bearing), (pr, ps, &of_points.bearing), &mut acting);
+    // Records that have left their segment move to the next one.
+    for k in of_lines.strayed {
+        let (r, s) = (&mut lr[k as usize], &mut ls[k as usize]);
+        r.rehome(&lines, &mut s.t);
+        needed.stale |= !needed.covers(r.segment);
+    }
+    for k in of_points.strayed {
+        let (r, s) = (&mut pr[k as usize], &mut ps[k as usize]);
+        r.rehome(&lines, &mut s.t);
+        needed.stale |= !r.segments.iter().all(|s| needed.covers(*s));
+    }
     if inner.due {
         inner.begin(&search, &lines, &now, x, clock.dt_target.max(clock.dt));
         live.near_lines = inner.divide_lines(&search, lr, ls);
         live.near_points = inner.divide_points(&search, pr, ps);
         needed.stale = true;
-        changed.0 = true;
     }
 }

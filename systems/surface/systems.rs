@@ -319,20 +319,20 @@ fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
     let live = *world.resource::<LiveSurfaceRecords>();
     let (lines, now, set) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<SurfaceSet>());
     let surfaces: Vec<Surface> = set.surfaces.iter().map(still).collect();
-    let mut s = Spread::new(lines, masses.len());
+    let (mut s, mut kappa) = (Spread::without_friction(lines), vec![0.0; masses.len()]);
+    let mut add = |row: u32, k: f64| kappa[row as usize] += k;
     for (record, state) in node_query.iter(world).take(live.nodes).filter(|(r, _)| !set.holds_node(lines, r)) {
         let surface = &surfaces[record.surface as usize];
         let c = node_contact(surface, lines, now, record, state);
         s.node(record.node, 1.0);
-        s.add(c.stiffness * surface.law.damped_stiffness(), 0.0);
+        s.add(c.stiffness * surface.law.damped_stiffness(), &mut add);
     }
     for (record, state) in edge_query.iter(world).take(live.edges).filter(|(r, _)| !set.holds_edge(lines, r)) {
         let surface = &surfaces[record.surface as usize];
         let c = edge_contact(surface, lines, now, record, state);
         s.segment(now, record.segment, c.t);
-        s.add(c.stiffness * surface.law.damped_stiffness(), 0.0);
+        s.add(c.stiffness * surface.law.damped_stiffness(), &mut add);
     }
-    let mut kappa = s.kappa;
     share_copies(lines, &masses, &mut kappa);
     for (o, k) in out.iter_mut().zip(kappa) {
         o.translation += k;

@@ -138,27 +138,26 @@ impl Rig {
             self.now.refresh(&self.lines, &self.x, &self.v, &self.mass, Some(&self.needed));
         }
         let (n, m) = if due { (self.line.0.len(), self.point.0.len()) } else { self.near };
-        if self.lost.strayed {
-            for (r, s) in self.line.0[..n].iter_mut().zip(&mut self.line.1) {
-                r.rehome(&self.lines, &mut s.t);
-            }
-            for (r, s) in self.point.0[..m].iter_mut().zip(&mut self.point.1) {
-                r.rehome(&self.lines, &mut s.t);
-            }
-            self.needed.stale = true;
-            self.rehomed += 1;
-        }
         let (lr, ls, lf) = (&mut self.line.0[..n], &mut self.line.1[..n], &mut self.line.2[..n]);
         let (pr, ps, pf) = (&mut self.point.0[..m], &mut self.point.1[..m], &mut self.point.2[..m]);
         let a = evaluate_lines(&self.settings, &self.lines, &self.now, lr, ls, lf);
         let b = evaluate_points(&self.settings, &self.lines, &self.now, pr, ps, pf);
         self.lost.friction += a.friction + b.friction;
         self.lost.damping += a.damping + b.damping;
-        self.lost.strayed = a.strayed | b.strayed;
         self.lost.turned = a.turned;
         self.force.fill(DVec3::ZERO);
         let force = &mut self.force;
-        scatter(&self.lines, &self.now, (lr, lf), (pr, pf), |row, f| force[row] += f);
+        scatter(&self.lines, &self.now, (lr, lf, &a.touching), (pr, pf, &b.touching), |row, f| force[row] += f);
+        for k in &a.strayed {
+            lr[*k as usize].rehome(&self.lines, &mut ls[*k as usize].t);
+        }
+        for k in &b.strayed {
+            pr[*k as usize].rehome(&self.lines, &mut ps[*k as usize].t);
+        }
+        if a.strayed.len() + b.strayed.len() > 0 {
+            self.needed.stale = true;
+            self.rehomed += 1;
+        }
         if due {
             self.inner.begin(&self.search, &self.lines, &self.now, &self.x, dt);
             self.near = (self.inner.divide_lines(&self.search, lr, ls), self.inner.divide_points(&self.search, pr, ps));

@@ -145,7 +145,7 @@ pub(crate) fn install<E: Element<N>, const N: usize>(cx: &mut Install<'_>) {
 }
 
 /// Elements per parallel chunk: at 20 to 100 ns an element a chunk is worth a hand-over.
-const CHUNK: usize = 512;
+const CHUNK: usize = 256;
 
 /// Columns of nodes without rotations.
 #[derive(Clone, Copy)]

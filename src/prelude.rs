@@ -1,6 +1,8 @@
 //! Everything that a system or an element needs, from inside or outside the project.
 pub use crate::amplitude::Amplitude;
-pub use crate::assembly::{ActingStiffness, Incidence, KindReport, KindReports, StiffnessChanged, StiffnessSource, StiffnessSources, node_states};
+pub use crate::assembly::{
+    ActingStiffness, Incidence, KindReport, KindReports, StiffnessChanged, StiffnessSource, StiffnessSources, node_states,
+};
 pub use crate::columns::columns;
 pub use crate::components::*;
 pub use crate::element::*;

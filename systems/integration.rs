@@ -65,7 +65,7 @@ fn install(cx: &mut Install<'_>) {
     }
 }
 
-const CHUNK: usize = 2048;
+const CHUNK: usize = 1024;
 
 fn advance_clock(mut clock: ResMut<Clock>) {
     clock.dt = clock.dt_next;

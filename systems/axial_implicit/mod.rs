@@ -66,10 +66,11 @@ impl AxialChains {
     pub fn counts(&self) -> (usize, usize) {
         (self.packs.iter().map(Pack::count).sum(), self.explicit)
     }
-    /// Counts what later changes of the velocities, by row, add to the work of the motion on the bars in a kick.
-    pub fn follow(&mut self, change: &[DVec3], kick: f64) {
+    /// Counts what later changes of the velocities of some rows add to the work of the motion on the bars in a kick.
+    pub fn follow(&mut self, changes: &[(usize, DVec3)], kick: f64) {
         let AxialChains { packs, joints, .. } = self;
-        let sum = -(0..joints.nodes.len()).map(|k| pulled(packs, joints.at(k)).dot(change[joints.nodes[k] as usize])).sum::<f64>();
+        let at = |row: usize| joints.nodes.binary_search(&(row as u32)).ok();
+        let sum = -changes.iter().filter_map(|(row, change)| Some(pulled(packs, joints.at(at(*row)?)).dot(*change))).sum::<f64>();
         self.last += 0.5 * kick * sum;
         self.work += 0.5 * kick * sum;
     }
@@ -173,7 +174,7 @@ fn pulled(packs: &[Pack], ends: &[(u32, u32)]) -> DVec3 {
 }
 
 /// Nodes per parallel chunk.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 512;
 
 type BarQuery = (&'static AxialBar, &'static mut Tension);
 type NodeQuery = (&'static Position, &'static mut Velocity, &'static mut Force, &'static InverseMass);

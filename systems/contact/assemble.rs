@@ -13,7 +13,7 @@ use braid_ecs::prelude::*;
 use rayon::prelude::*;
 
 /// Records per parallel chunk.
-const CHUNK: usize = 512;
+const CHUNK: usize = 256;
 
 /// Sums over the records of one step, and which of them need more than that.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -119,7 +119,13 @@ pub fn of_line(penalty: &Penalty, lines: &Lines, now: &Centrelines, record: &Lin
 }
 
 /// Parameter on its segment, and stiffness, of every line record.
-pub fn line_stiffnesses(penalty: &Penalty, lines: &Lines, now: &Centrelines, records: &[LineRecord], states: &[LineState]) -> Vec<(f64, f64)> {
+pub fn line_stiffnesses(
+    penalty: &Penalty,
+    lines: &Lines,
+    now: &Centrelines,
+    records: &[LineRecord],
+    states: &[LineState],
+) -> Vec<(f64, f64)> {
     let of = |range: std::ops::Range<usize>| {
         let mut out = Vec::with_capacity(range.len());
         for group in lane::groups(range.len()) {
@@ -184,7 +190,8 @@ fn lines_at_once<L: Lane>(
     sum: &mut Totals,
 ) {
     let at = beside::<L>(lines, now, records, states);
-    let soon = L::splat(0.0).less(expected(at.overlap, |l| states[l].overlap));
+    let deep = expected(at.overlap, |l| states[l].overlap);
+    let soon = L::splat(0.0).less(deep);
     if !L::any(soon) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
@@ -199,7 +206,7 @@ fn lines_at_once<L: Lane>(
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
     let (r, kept) = (&c.response, kept_stiffness(c.stiffness, at.overlap));
-    let bears = L::pick(soon, c.stiffness, L::splat(0.0));
+    let bears = L::pick(soon, c.stiffness * penalty.law.slope(deep, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = c.t[1].lane(lane);
         sum.bear(first + lane, bears.lane(lane));
@@ -252,8 +259,8 @@ fn points_at_once<L: Lane>(
     let r = &c.response;
     let overlap = c.penetration + c.offset;
     let kept = kept_stiffness(c.stiffness, overlap);
-    let soon = L::splat(0.0).less(expected(overlap, |l| states[l].overlap));
-    let bears = L::pick(soon, c.stiffness, L::splat(0.0));
+    let deep = expected(overlap, |l| states[l].overlap);
+    let bears = L::pick(L::splat(0.0).less(deep), c.stiffness * penalty.law.slope(deep, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
         sum.bear(first + lane, bears.lane(lane));

@@ -3,6 +3,8 @@
 //!
 //! - Normal spring per unit stiffness: f(g) = g^2 / (2 g0) up to the toe g0, then g - g0 / 2, for
 //!   the penetration g > 0: continuous with its derivative, so touching is no stiffness jump.
+//! - Hardening for deep contacts: h g (g / D)^2 on top, with the sum of the radii D. It leaves shallow contacts as soft as the time step
+//!   wants them, and holds a filament at a hot spot.
 //! - Normal damping c = 2 xi sqrt(k m), faded in over the toe; the sum never pulls.
 //! - Friction after Cundall and Strack (1979): the elastic slip follows the relative motion in the
 //!   tangent plane and is cut back (return mapping) so that k_t |slip| <= mu F_n.
@@ -19,6 +21,8 @@ pub struct Law {
     pub damping: f64,
     /// Length of the quadratic toe over the sum of the radii.
     pub toe: f64,
+    /// Share of the linear force that a penetration of the sum of the radii adds.
+    pub hardening: f64,
     /// Time over which the relative motion is integrated into the slip.
     pub dt: f64,
 }
@@ -29,6 +33,13 @@ impl Law {
     pub fn damped_stiffness(&self) -> f64 {
         let xi = self.damping;
         ((1.0 + xi * xi).sqrt() - xi).powi(-2)
+    }
+
+    /// Slope of the normal force over that of the linear penalty.
+    #[inline(always)]
+    pub fn slope<L: Lane>(&self, penetration: L, reach: L) -> L {
+        let depth = penetration.upper(L::splat(0.0)) / reach;
+        L::splat(1.0) + L::splat(3.0 * self.hardening) * depth * depth
     }
 }
 
@@ -149,8 +160,12 @@ pub fn respond<L: Lane>(law: &Law, touch: &Touch<L>, before: &Memory<L>) -> Resp
     let toe = L::splat(law.toe) * touch.reach;
     let in_toe = g.less(toe);
     let fraction = L::pick(in_toe, g / toe.upper(tiny), one);
-    let spring = k * L::pick(in_toe, half * g * fraction, g - half * toe);
-    let normal_energy = k * L::pick(in_toe, g * g * fraction * L::splat(1.0 / 6.0), half * g * (g - toe) + toe * toe * L::splat(1.0 / 6.0));
+    let depth = g / touch.reach;
+    let hard = L::splat(law.hardening) * g * depth * depth;
+    let spring = k * (L::pick(in_toe, half * g * fraction, g - half * toe) + hard);
+    let quarter = L::splat(0.25);
+    let sixth = L::splat(1.0 / 6.0);
+    let normal_energy = k * (L::pick(in_toe, g * g * fraction * sixth, half * g * (g - toe) + toe * toe * sixth) + quarter * g * hard);
 
     let separation = touch.velocity.dot(n);
     let viscosity = L::splat(2.0 * law.damping) * (k * touch.mass).sqrt() * fraction;
@@ -190,16 +205,23 @@ mod tests {
     fn touch(g: f64, v: [f64; 3]) -> Touch<f64> {
         Touch { stiffness: 2.0, penetration: g, reach: 1.0, normal: V3::new(0.0, 0.0, 1.0), velocity: V3::new(v[0], v[1], v[2]), mass: 1.0 }
     }
-    const LAW: Law = Law { friction: 0.3, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 1e-3 };
+    const LAW: Law = Law { friction: 0.3, tangential: 0.5, damping: 0.0, toe: 1e-3, hardening: 0.0, dt: 1e-3 };
 
     #[test]
     fn force_is_the_derivative_of_the_energy() {
-        for g in [2e-4, 9e-4, 1.1e-3, 0.02] {
-            let e = |g: f64| respond(&LAW, &touch(g, [0.0; 3]), &Memory::none()).energy;
+        for (g, hardening) in [2e-4, 9e-4, 1.1e-3, 0.02, 0.3].into_iter().flat_map(|g| [(g, 0.0), (g, 100.0)]) {
+            let law = Law { hardening, ..LAW };
+            let of = |g: f64| respond(&law, &touch(g, [0.0; 3]), &Memory::none());
             let h = 1e-7;
-            let f = respond(&LAW, &touch(g, [0.0; 3]), &Memory::none()).normal_force;
-            assert!((f - (e(g + h) - e(g - h)) / (2.0 * h)).abs() < 1e-6 * f, "at {g}");
+            let f = of(g).normal_force;
+            assert!((f - (of(g + h).energy - of(g - h).energy) / (2.0 * h)).abs() < 1e-6 * f, "at {g}");
+            // Beyond the toe the slope is what the time step is told; k is 2.
+            let slope = (of(g + h).normal_force - of(g - h).normal_force) / (2.0 * h);
+            assert!(g < 1.05e-3 || (slope - 2.0 * law.slope(g, 1.0)).abs() < 1e-5 * slope, "at {g}");
         }
+        let soft = respond(&LAW, &touch(0.1, [0.0; 3]), &Memory::none()).normal_force;
+        let hard = respond(&Law { hardening: 100.0, ..LAW }, &touch(0.1, [0.0; 3]), &Memory::none()).normal_force;
+        assert!((hard - soft - 2.0 * 0.1).abs() < 1e-14, "at a tenth of the sum of the radii a hundredth of 100 is added");
         let before = Memory { slip: V3::new(1.0, 0.0, 0.0), damper: 0.5 };
         let open = respond(&LAW, &touch(-1e-6, [1.0, 0.0, -5.0]), &before);
         assert_eq!((open.normal_force, open.energy, open.memory.slip.x), (0.0, 0.0, 0.0));

@@ -12,7 +12,7 @@ use braid_ecs::prelude::*;
 use std::collections::BTreeMap;
 
 /// Slots per parallel chunk.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 512;
 
 /// Marks a slot without a row.
 pub const NONE: u32 = u32::MAX;

@@ -99,7 +99,8 @@ impl Found {
     fn add_lines(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate, half: bool) {
         for node in [c.a, c.a + 1] {
             let slot = &lines.slots[node as usize];
-            if !slot.looks {
+            // The second node is the first of the next segment, which is as close; but of one filament not all pairs count.
+            if !slot.looks || node > c.a && slot.segment && !half {
                 continue;
             }
             let y = xyz(&now.x[node as usize]) - now.shift[c.image as usize];
@@ -193,7 +194,7 @@ impl Builder {
             self.lines.extend(part.lines);
             self.points.extend(part.points);
         }
-        self.lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
+        self.lines.sort_by_cached_key(|(r, _)| (r.node, r.image, r.segment));
         self.merge_lines(lines);
         self.points.sort_by_key(|(r, _)| (r.segments, r.image));
         self.merge_points(lines);

@@ -96,7 +96,14 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
         (lines.mean_radius, lines.mean_length)
     };
     let (line_stiffness, point_stiffness) = stiffness::given(spec, length).unwrap_or((1.0, length));
-    let law = Law { friction: spec.friction.0, tangential: spec.friction_stiffness.0, damping: spec.damping.0, toe: spec.toe.0, dt: 0.0 };
+    let law = Law {
+        friction: spec.friction.0,
+        tangential: spec.friction_stiffness.0,
+        damping: spec.damping.0,
+        toe: spec.toe.0,
+        hardening: spec.hardening.0,
+        dt: 0.0,
+    };
     let window = [spec.window.0.0, spec.window.1.0];
     cx.world.insert_resource(Penalty { law, line_stiffness, point_stiffness, window, keep: 1.0 });
     cx.world.insert_resource(stiffness::Wanted::new(cx.model, spec));

@@ -18,6 +18,8 @@ pub struct ContactSpec {
     pub stiffness: Option<Stiffness>,
     /// Normal stiffness per length of filaments side by side (force / length^2). Default from mass and time step.
     pub line_stiffness: Option<StiffnessPerLength>,
+    /// Deep contacts are stiffer: the normal force is that of the stiffness times 1 + hardening x (penetration / sum of the radii)^2. Default 0.
+    pub hardening: Ratio,
     /// Penetration to keep below while the run goes on; stiffness and time step follow. Default: none.
     pub penetration: Option<TargetPenetration>,
     /// Tangential over normal stiffness of the friction springs. Default 0.5.
@@ -71,6 +73,7 @@ impl Default for ContactSpec {
             friction: Ratio(0.2),
             stiffness: None,
             line_stiffness: None,
+            hardening: Ratio(0.0),
             penetration: None,
             friction_stiffness: Ratio(0.5),
             damping: Ratio(0.05),
@@ -118,6 +121,7 @@ impl ContactSpec {
         bounded("friction", "the friction coefficient", self.friction.0, 0.0, f64::INFINITY)?;
         positive("stiffness", "the stiffness of a crossing", self.stiffness.map(f64::from))?;
         positive("line_stiffness", "the stiffness per length", self.line_stiffness.map(f64::from))?;
+        bounded("hardening", "the hardening", self.hardening.0, 0.0, 1e6)?;
         if let Some(p) = &self.penetration {
             bounded("penetration.target", "the target penetration", p.target.0, 1e-5, 0.5)?;
             bounded("penetration.slower", "the factor on the time step", p.slower.0, 1.0, 1000.0)?;

@@ -95,7 +95,7 @@ pub fn make_list(world: &mut World) {
         search.candidates(lines, now, never, &mut builder.0.candidates);
         builder.0.build(penalty, lines, now);
         let mut old_lines: Vec<_> = line.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).collect();
-        old_lines.sort_unstable_by_key(|(r, _)| (r.node, r.image, r.segment));
+        old_lines.sort_by_cached_key(|(r, _)| (r.node, r.image, r.segment));
         let old_lines: (Vec<LineRecord>, Vec<LineState>) = old_lines.into_iter().unzip();
         let old_points: (Vec<PointRecord>, Vec<PointState>) = point.iter(world).take(live.points).map(|(r, s)| (*r, *s)).unzip();
         builder.0.inherit(lines, (&old_lines.0, &old_lines.1), (&old_points.0, &old_points.1));

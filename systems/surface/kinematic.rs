@@ -90,8 +90,8 @@ struct Motion<'a> {
     v: &'a mut [Velocity],
     f: &'a mut [Force],
     w: &'a [InverseMass],
-    /// Changes of the velocities, by row.
-    change: Vec<DVec3>,
+    /// Changes of the velocities, with their rows.
+    changes: Vec<(usize, DVec3)>,
     dt: f64,
     kick: f64,
 }
@@ -123,7 +123,7 @@ impl Motion<'_> {
         for (row, weight) in point.rows {
             let faster = self.w[*row].0 * change * (weight * self.kick);
             self.v[*row].0 += faster;
-            self.change[*row] += faster;
+            self.changes.push((*row, faster));
             self.f[*row].0 += change * *weight;
         }
         let mean = 0.5 * (hold.before + self.velocity(point.rows)) * self.kick;
@@ -143,8 +143,7 @@ fn correct(
 ) {
     let (mut v, mut f, w) = columns(&mut nodes);
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
-    let change = vec![DVec3::ZERO; v.len()];
-    let mut motion = Motion { v, f, w, change, dt: clock.dt_next, kick: damping.kick(clock.kick()).1 };
+    let mut motion = Motion { v, f, w, changes: Vec::new(), dt: clock.dt_next, kick: damping.kick(clock.kick()).1 };
     let mut account = |surface: u32, place: DVec3, force: DVec3, [across, along]: [f64; 2]| {
         reactions.force[surface as usize] -= force;
         reactions.moment[surface as usize] -= place.cross(force);
@@ -188,7 +187,7 @@ fn correct(
         account(record.surface, at.place, state.hold.force, work);
     }
     if let Some(mut axial) = axial {
-        axial.follow(&motion.change, motion.kick);
+        axial.follow(&motion.changes, motion.kick);
     }
 }
 

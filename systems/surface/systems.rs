@@ -109,6 +109,7 @@ fn install_surfaces(cx: &mut Install<'_>, specs: Vec<SurfaceSpec>) -> Result<(),
             tangential: s.friction_stiffness.0,
             damping: s.damping.0,
             toe: 1e-3,
+            hardening: 0.0,
             dt: 0.0,
         };
         let shape = Shape::new(s).map_err(at)?;

@@ -32,7 +32,7 @@ pub struct Rig {
 
 pub fn settings(line_stiffness: f64, point_stiffness: f64) -> Penalty {
     Penalty {
-        law: Law { friction: 0.0, tangential: 0.5, damping: 0.0, toe: 1e-3, dt: 0.0 },
+        law: Law { friction: 0.0, tangential: 0.5, damping: 0.0, toe: 1e-3, hardening: 0.0, dt: 0.0 },
         line_stiffness,
         point_stiffness,
         window: [0.10, 0.25],

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 /// Rays per pixel along one side of the pixel.
 const GRID: u32 = 2;
 /// Occlusion rays per hit.
-const OCCLUSION: u32 = 4;
+const OCCLUSION: u32 = 2;
 /// Part of the picture left free around the subject.
 const MARGIN: f64 = 0.05;
 

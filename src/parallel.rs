@@ -44,11 +44,16 @@ fn serial(rows: usize, chunk: usize) -> bool {
 
 /// Runs `f` on every pair of rows.
 pub fn zip2<A: Send, B: Sync>(a: &mut [A], b: &[B], chunk: usize, f: impl Fn(&mut A, &B) + Sync) {
+    chunks2_mut(a, b, chunk, |a, b| a.iter_mut().zip(b).for_each(|(a, b)| f(a, b)));
+}
+
+/// Runs `f` on every chunk of two columns of which the first is written.
+pub fn chunks2_mut<A: Send, B: Sync>(a: &mut [A], b: &[B], chunk: usize, f: impl Fn(&mut [A], &[B]) + Sync) {
     assert_eq!(a.len(), b.len(), "columns of one table have one length");
     if serial(a.len(), chunk) {
-        a.iter_mut().zip(b).for_each(|(a, b)| f(a, b));
+        f(a, b);
     } else {
-        a.par_chunks_mut(chunk).zip(b.par_chunks(chunk)).for_each(|(a, b)| a.iter_mut().zip(b).for_each(|(a, b)| f(a, b)));
+        a.par_chunks_mut(chunk).zip(b.par_chunks(chunk)).for_each(|(a, b)| f(a, b));
     }
 }
 

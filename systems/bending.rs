@@ -88,15 +88,12 @@ impl Element<3> for Bending {
 
     #[inline]
     fn internal_force(&mut self, nodes: [NodeState; 3]) -> [DVec3; 3] {
-        let (d1, d2) = (nodes[1].x - nodes[0].x, nodes[2].x - nodes[1].x);
-        let (l1, l2) = (d1.length(), d2.length());
-        let (e1, e2) = (d1 / l1, d2 / l2);
-        let c = e1.dot(e2);
-        // |kb|^2 = 4 (1 - c) / (1 + c), so dE/dc = -4 EI/l / (1 + c)^2.
-        let slope = -4.0 * self.stiffness / ((1.0 + c) * (1.0 + c));
-        let g1 = (e2 - e1 * c) * (slope / l1);
-        let g2 = (e1 - e2 * c) * (slope / l2);
-        [-g1, g1 - g2, g2]
+        alone(self, nodes)
+    }
+
+    #[inline]
+    fn internal_forces(elements: &mut [Self], rows: &[Connectivity<3>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 3>]) {
+        in_lanes(elements, rows, nodes, out);
     }
 
     fn strain_energy(&self, nodes: [NodeState; 3]) -> f64 {
@@ -122,5 +119,25 @@ impl Element<3> for Bending {
     fn section_force(&self, nodes: [NodeState; 3]) -> SectionForce {
         let (e1, e2) = ((nodes[1].x - nodes[0].x).normalize(), (nodes[2].x - nodes[1].x).normalize());
         SectionForce { bending: self.stiffness * 2.0 * e1.cross(e2).length() / (1.0 + e1.dot(e2)), ..Default::default() }
+    }
+}
+
+impl LaneElement<3> for Bending {
+    #[inline(always)]
+    fn at_once<L: Lane>(elements: &[Self], rows: &[Connectivity<3>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 3>]) {
+        let one = L::splat(1.0);
+        let [d1, d2] = [0, 1].map(|k| V3::<L>::gather(|l| nodes.x(rows[l].0[k + 1]) - nodes.x(rows[l].0[k])));
+        let (l1, l2) = (one / d1.dot(d1).sqrt(), one / d2.dot(d2).sqrt());
+        let (e1, e2) = (d1 * l1, d2 * l2);
+        let c = e1.dot(e2);
+        // |kb|^2 = 4 (1 - c) / (1 + c), so dE/dc = -4 EI/l / (1 + c)^2.
+        let slope = L::from_fn(|l| -4.0 * elements[l].stiffness) / ((one + c) * (one + c));
+        let g1 = (e2 - e1 * c) * (slope * l1);
+        let g2 = (e1 - e2 * c) * (slope * l2);
+        g1.each(|l, g| (out[l].0[0], out[l].0[1]) = (-g, g));
+        g2.each(|l, g| {
+            out[l].0[1] -= g;
+            out[l].0[2] = g;
+        });
     }
 }

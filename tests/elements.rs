@@ -7,8 +7,8 @@ fn section() -> Section {
     Section { ea: 40.0, ei: [3.0, 5.0], gj: 2.0, ga: 70.0, mass: 0.3, inertia: 0.01 }
 }
 
-/// Element of kind `E` along the given points.
-fn along<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape) -> E {
+/// Elements of kind `E` along the given points, with their nodes.
+fn chain<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape) -> Vec<(E, [NodeId; N])> {
     let mut model = Model::new("kernel");
     let nodes: Vec<NodeId> = points.iter().map(|p| model.add_node(*p)).collect();
     let mut section = section();
@@ -18,7 +18,37 @@ fn along<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape)
     let chain = Chain { nodes, section, natural, orientation: Some(DVec3::new(0.1, 0.2, 1.0)), closed: false };
     let (materials, sections) = (BTreeMap::new(), BTreeMap::new());
     E::along(&chain, &mut Build { model: &mut model, materials: &materials, sections: &sections }).expect("a valid chain");
-    model.elements::<E, N>()[0].0.clone()
+    model.elements::<E, N>().to_vec()
+}
+
+/// Element of kind `E` along the given points.
+fn along<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape) -> E {
+    chain(points, natural)[0].0.clone()
+}
+
+/// The vector kernel, four elements at a time, against the kernel of one.
+fn same_bits<E: Element<N>, const N: usize>() {
+    let points: Vec<DVec3> = (0..9).map(|i| DVec3::new(i as f64, 0.1 * i as f64, 0.0)).collect();
+    let state = moved(&points, 0.05);
+    let (mut elements, rows): (Vec<E>, Vec<Connectivity<N>>) =
+        chain::<E, N>(&points, NaturalShape::AsBuilt).into_iter().map(|(e, n)| (e, Connectivity(n.map(|n| n.0)))).unzip();
+    assert!(elements.len() >= 7, "one group of four and some alone");
+    let mut together = vec![EndForces::default(); elements.len()];
+    E::internal_forces(&mut elements, &rows, &state[..], &mut together);
+    for ((e, c), forces) in elements.iter_mut().zip(&rows).zip(&together) {
+        let alone = e.internal_force(c.0.map(|r| state[r as usize]));
+        for (a, b) in alone.iter().zip(&forces.0) {
+            let bits = |f: &E::Force| [f.force(), f.moment()].map(|v| v.to_array().map(f64::to_bits));
+            assert_eq!(bits(a), bits(b), "{}", E::NAME);
+        }
+    }
+}
+
+#[test]
+fn four_at_once_have_the_bits_of_each_alone() {
+    same_bits::<Truss, 2>();
+    same_bits::<Beam, 2>();
+    same_bits::<Bending, 3>();
 }
 
 fn rotated(q: DQuat, axis: usize, by: f64) -> DQuat {

@@ -155,11 +155,12 @@ impl Found {
         let mut place = [s, t];
         record.rehome(lines, &mut place);
         // Over a node the straight extension was only a guess: a few steps more on the right pair.
+        let moved = record.segments != [c.a, c.b] || record.image != c.image;
         let [a, b] = record.segments;
         let shift = now.shift[record.image as usize];
         let apart: V3<f64> = (xyz(&now.x[a as usize]) - xyz(&now.x[b as usize]) - shift).into();
         let (curve_a, curve_b) = (curve_of(lines, now, a), curve_of(lines, now, b));
-        for _ in 0..4 {
+        for _ in 0..if moved { 4 } else { 0 } {
             let (la, lb) = (limits(a as usize), limits(b as usize));
             (place[0], place[1]) = closest_step(&curve_a, &curve_b, apart, place[0], place[1], la, lb);
         }

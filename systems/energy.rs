@@ -117,8 +117,8 @@ fn kinetic_energy(world: &mut World, back: f64) -> f64 {
     sum
 }
 
-/// The first node whose position or velocity is not a finite number, or that crosses the whole
-/// model in a few steps.
+/// The first node whose position or velocity is not a finite number, or the fastest of those that would cross the
+/// whole model in one step.
 fn not_finite(world: &mut World) -> Option<String> {
     let clock = world.resource::<Clock>().clone();
     let mut nodes = world.query::<(&Position, &InitialPosition, &Velocity, &Force)>();
@@ -128,15 +128,16 @@ fn not_finite(world: &mut World) -> Option<String> {
         high = high.max(x0.0);
     }
     let size = (high - low).length();
-    let mut found = None;
+    let (mut found, mut fastest) = (None, size);
     for (row, (x, _, v, f)) in nodes.iter(world).enumerate() {
         if !(x.0.is_finite() && v.0.is_finite() && f.0.is_finite()) {
             found = Some((row, "is not a finite number"));
             break;
         }
-        if size > 0.0 && v.0.length() * clock.dt_next > size {
+        let way = v.0.length() * clock.dt_next;
+        if size > 0.0 && way > fastest {
+            fastest = way;
             found = Some((row, "would cross the whole model in one step"));
-            break;
         }
     }
     let (row, what) = found?;

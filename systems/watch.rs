@@ -223,9 +223,8 @@ fn unbalanced(world: &mut World, eyes: &Eyes, recent: &mut Recent) -> Option<(Op
     let e = *world.resource::<EnergyLedger>();
     // What vibrations near the limit of the step show in the middle of a swing is no energy that has come from nowhere.
     let allowed = eyes.rule.balance * e.largest();
-    let out = e.imbalance().abs() > allowed
-        && (e.imbalance() + of_the_step(world)).abs() > allowed
-        && e.imbalance().abs() > rounding(world);
+    let out =
+        e.imbalance().abs() > allowed && (e.imbalance() + of_the_step(world)).abs() > allowed && e.imbalance().abs() > rounding(world);
     recent.out_of_balance = if out { recent.out_of_balance + 1 } else { 0 };
     (recent.out_of_balance >= PATIENCE).then(|| {
         let message = format!(

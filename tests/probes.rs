@@ -140,9 +140,10 @@ fn momentum_and_direction_of_a_flying_beam() {
     let (momentum, turning) = (probe("Momentum()", &m, &mut sim), probe(angular, &m, &mut sim));
     let mass = 4.0 * std::f64::consts::PI * 0.01;
     assert!((momentum / (mass * speed.length()) - 1.0).abs() < 1e-9, "{momentum}");
-    // About the origin: that of the middle of mass, x cross v, and of the turning about it, m L^2 / 12 and the lumps' share.
+    // About the origin: that of the middle of mass, x cross v, and of the turning about it. Five lumps of m/8, m/4 ... at 2, 1 ... have 3/2 m,
+    // and their scaled rotary inertia, mass times the square of the element length, has m.
     let own = turning - mass * 2.0 * speed.y;
-    assert!(own > mass * 16.0 / 12.0 * spin && own < 1.3 * mass * 16.0 / 12.0 * spin, "{own}");
+    assert!((own / (2.5 * mass * spin) - 1.0).abs() < 1e-9, "{own}");
     for _ in 0..2000 {
         run::step(&mut sim).expect("stable");
     }

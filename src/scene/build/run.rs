@@ -122,10 +122,9 @@ impl Builder<'_> {
             DampingSpec::Adaptive => Damping::Adaptive(self.time_scale.map(|(scale, _)| 1.0 / scale)),
             // Under `load` the automatic rate has been filled in already.
             DampingSpec::Auto => {
-                self.problems.push(
-                    Problem::new(at("damping"), "automatic damping needs `load`: a force along the period")
-                        .help("`Adaptive` finds the rate from the motion; or give it: Mass(120), with 1/rate about the slowest time of the problem"),
-                );
+                self.problems.push(Problem::new(at("damping"), "automatic damping needs `load`: a force along the period").help(
+                    "`Adaptive` finds the rate from the motion; or give it: Mass(120), with 1/rate about the slowest time of the problem",
+                ));
                 Damping::None
             }
         };

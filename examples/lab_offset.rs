@@ -1,8 +1,8 @@
 //! `lab.offset`: a node on a rigid arm, as a plugin with a constraint of its own.
 //!
 //! The node at the end of an arm follows the node at its root, x = x_root + q r with r the arm at the start and q the rotation of
-//! the root (*impose*). What acts on it goes to the root, f and r x f (*condense*), which is the transpose of that. The mass
-//! at the end counts where the root is, and with m r^2 where it turns: right for any equilibrium, and for motions in which the arm turns slowly.
+//! the root (*impose*). What acts on it goes to the root, f and r x f (*condense*), which is the transpose of that. Arms are
+//! light: a mass at the end counts as m and m r^2 at the root, without the coupling between the two. Equilibria are right for any mass.
 //!
 //! ```sh
 //! cargo run --example lab_offset -- examples/scenes/lab_offset.ron

@@ -156,7 +156,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     );
     check(
         message("lab_drag", "\"lab.drag\"", "\"lab.darg\""),
-        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.coil, lab.drag, lab.mandrel",
+        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.coil, lab.drag, lab.mandrel, lab.offset",
     );
     check(
         message("lab_drag", "    stop:", "    \"lab.drag\": (density: 1, area: 1),\n    stop:"),

@@ -112,8 +112,10 @@ const FEWEST: f64 = 8.0;
 pub struct NaturalTime {
     /// 1 / omega of the motion seen last (time); none while nothing has swung or crept back.
     pub found: Option<f64>,
-    /// Mass damping now (1 / time).
+    /// Mass damping wanted from the next kick on (1 / time).
     pub rate: f64,
+    /// Mass damping of the last kick (1 / time).
+    applied: f64,
     next: f64,
     /// -m da.dx and m dx.dx between the last looks.
     looks: VecDeque<[f64; 2]>,
@@ -127,40 +129,72 @@ fn install_search(cx: &mut Install<'_>) {
     cx.world.init_resource::<NaturalTime>();
     cx.remember_resource::<NaturalTime>();
     cx.after_restore(|world| {
-        let rate = world.resource::<NaturalTime>().rate;
-        world.insert_resource(MassDamping(rate));
+        let applied = world.resource::<NaturalTime>().applied;
+        world.insert_resource(MassDamping(applied));
     });
+    cx.add_system(StepSet::Constraints, book_change);
     if cx.rotations() {
+        cx.add_system(StepSet::Constraints, book_change_of_rotations);
         cx.add_system(StepSet::Monitor, search_with_rotations);
     } else {
         cx.add_system(StepSet::Monitor, search);
     }
+    cx.add_system(StepSet::Constraints, take_over);
+}
+
+/// The step just made lies between a kick with the old rate and one with the new: each has a half of what it dissipates, and with the old
+/// rate all of it has been booked.
+fn book_change(
+    clock: Res<Clock>,
+    time: Res<NaturalTime>,
+    damping: Res<MassDamping>,
+    mut ledger: ResMut<EnergyLedger>,
+    mut nodes: Query<(&Velocity, &Mass)>,
+) {
+    if time.rate != damping.0 {
+        let (v, m) = columns(&mut nodes);
+        let swing: f64 = v.iter().zip(m).map(|(v, m)| m.0 * v.0.length_squared()).sum();
+        ledger.damping += 0.5 * (time.rate - damping.0) * clock.dt * swing;
+    }
+}
+
+fn book_change_of_rotations(
+    clock: Res<Clock>,
+    time: Res<NaturalTime>,
+    damping: Res<MassDamping>,
+    mut ledger: ResMut<EnergyLedger>,
+    mut nodes: Query<(&AngularVelocity, &RotaryInertia)>,
+) {
+    if time.rate != damping.0 {
+        let (w, j) = columns(&mut nodes);
+        let swing: f64 = w.iter().zip(j).map(|(w, j)| j.0 * w.0.length_squared()).sum();
+        ledger.damping += 0.5 * (time.rate - damping.0) * clock.dt * swing;
+    }
+}
+
+fn take_over(mut time: ResMut<NaturalTime>, mut damping: ResMut<MassDamping>) {
+    damping.0 = time.rate;
+    time.applied = time.rate;
 }
 
 /// Translations: position, force, inverse mass. Rotations: orientation, moment, inverse inertia.
 type Moving = (&'static Position, &'static Force, &'static InverseMass);
 type Turning = (&'static Orientation, &'static Moment, &'static InverseInertia);
 
-fn search(clock: Res<Clock>, mut time: ResMut<NaturalTime>, mut damping: ResMut<MassDamping>, mut nodes: Query<Moving>) {
+fn search(clock: Res<Clock>, mut time: ResMut<NaturalTime>, mut nodes: Query<Moving>) {
     if clock.time >= time.next {
         let (x, f, w) = columns(&mut nodes);
         let sums = time.moved(x, f, w);
-        damping.0 = time.look(&clock, sums);
+        time.look(&clock, sums);
     }
 }
 
-fn search_with_rotations(
-    clock: Res<Clock>,
-    mut time: ResMut<NaturalTime>,
-    mut damping: ResMut<MassDamping>,
-    mut nodes: Query<Moving>,
-    mut spins: Query<Turning>,
-) {
+fn search_with_rotations(clock: Res<Clock>, mut time: ResMut<NaturalTime>, mut nodes: Query<Moving>, mut spins: Query<Turning>) {
     if clock.time >= time.next {
         let (x, f, w) = columns(&mut nodes);
         let (q, m, j) = columns(&mut spins);
         let (a, b) = (time.moved(x, f, w), time.turned(q, m, j));
-        damping.0 = time.look(&clock, [a[0] + b[0], a[1] + b[1]]);
+        time.look(&clock, [a[0] + b[0], a[1] + b[1]]);
     }
 }
 
@@ -199,7 +233,7 @@ impl NaturalTime {
     }
 
     /// The rate of damping from the last looks, and the time of the next one.
-    fn look(&mut self, clock: &Clock, sums: [f64; 2]) -> f64 {
+    fn look(&mut self, clock: &Clock, sums: [f64; 2]) {
         if self.looks.len() == COUNT {
             self.looks.pop_front();
         }
@@ -214,6 +248,5 @@ impl NaturalTime {
         }
         self.rate = DAMPED * omega;
         self.next = clock.time + wait;
-        self.rate
     }
 }

@@ -47,6 +47,15 @@ impl std::fmt::Debug for Function {
 }
 
 impl Amplitude {
+    /// When it has come to its last value, if it ever does (time); else zero.
+    pub fn settled(&self) -> f64 {
+        match self {
+            Amplitude::SmoothStep { rise } | Amplitude::Ramp { rise } => rise.max(0.0),
+            Amplitude::Table(points) => points.last().map_or(0.0, |p| p.0.max(0.0)),
+            Amplitude::Constant | Amplitude::Sine { .. } | Amplitude::Custom(_) => 0.0,
+        }
+    }
+
     /// Value at time `t`.
     pub fn at(&self, t: f64) -> f64 {
         match self {

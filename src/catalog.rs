@@ -56,7 +56,7 @@ pub const MEASURES: [(&str, &str); 3] = [
 ];
 
 /// Probes of the program, with one sentence each.
-pub const PROBES: [(&str, &str); 22] = [
+pub const PROBES: [(&str, &str); 25] = [
     ("Position", "current position of a node, or the period vector of a dummy node"),
     ("Displacement", "displacement of a node from its initial position"),
     ("Velocity", "velocity of a node"),
@@ -72,6 +72,9 @@ pub const PROBES: [(&str, &str); 22] = [
     ("MaxPenetration", "largest penetration over the smaller radius"),
     ("SurfaceForce", "force of the filaments on a rigid surface"),
     ("SurfaceMoment", "moment of the filaments on a rigid surface about the origin"),
+    ("Momentum", "momentum of all nodes"),
+    ("AngularMomentum", "moment of momentum of all nodes about the origin"),
+    ("Direction", "where a direction fixed in the cross-section of a node points"),
     ("TimeStep", "time step"),
     ("DummyLength", "length of the period vector of a dummy node"),
     ("Distance", "distance of two nodes"),

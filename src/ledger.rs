@@ -32,9 +32,13 @@ impl EnergyLedger {
     pub fn imbalance(&self) -> f64 {
         self.initial + self.external_work - (self.kinetic + self.strain + self.contact + self.friction + self.damping + self.axial)
     }
+    /// The largest term of the balance (force x length).
+    pub fn largest(&self) -> f64 {
+        [self.initial, self.external_work, self.kinetic, self.strain, self.contact].iter().fold(0.0f64, |m, e| m.max(e.abs()))
+    }
     /// Imbalance relative to the largest term of the balance; zero while nothing has moved.
     pub fn balance_error(&self) -> f64 {
-        let scale = [self.initial, self.external_work, self.kinetic, self.strain, self.contact].iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        let scale = self.largest();
         if scale > 0.0 { self.imbalance() / scale } else { 0.0 }
     }
 }

@@ -173,8 +173,9 @@ pub enum Damping {
     None,
     /// Mass damping f = -alpha m v with the given alpha (1 / time).
     Mass(f64),
-    /// Mass damping with the given alpha until the motion has calmed down, then as its slowest mode needs it (1 / time).
-    Adaptive(f64),
+    /// Mass damping with the given alpha until the motion has calmed down, then as its slowest mode needs it (1 / time);
+    /// without one, as the slowest mode of the motion needs it from the first step on.
+    Adaptive(Option<f64>),
     /// All velocities set to zero at every peak of the kinetic energy.
     Kinetic,
 }
@@ -196,8 +197,8 @@ pub struct Stop {
 pub struct Steady {
     /// What is watched: the length of this dummy node's period vector, or the largest speed ratio if `None`.
     pub dummy: Option<NodeId>,
-    /// Interval between two looks (time).
-    pub interval: f64,
+    /// Interval between two looks (time); by default the natural time that adaptive damping has found.
+    pub interval: Option<f64>,
     /// Largest relative change per interval.
     pub change: f64,
     /// Looks in a row.

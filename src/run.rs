@@ -4,6 +4,7 @@ use crate::ledger::EnergyLedger;
 use crate::model::{Model, Steady};
 use crate::simulation::{Failure, NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
+use crate::systems::adaptive_damping::NaturalTime;
 use crate::systems::energy::LookNow;
 use crate::systems::time_step::stable_limit;
 use bevy_ecs::prelude::*;
@@ -199,7 +200,7 @@ pub(crate) fn ended(sim: &mut Simulation, model: &Model, due: Due, sample_interv
 /// When the run will probably end (time): end time, steps, or the earliest steady state.
 pub fn expected_duration(model: &Model, dt: f64) -> Option<f64> {
     let stop = &model.stop;
-    let steady = stop.steady.as_ref().map(|s| s.earliest.max(f64::from(s.repeats + 1) * s.interval));
+    let steady = stop.steady.as_ref().and_then(|s| s.interval.map(|i| s.earliest.max(f64::from(s.repeats + 1) * i)));
     let steps = stop.steps.map(|n| n as f64 * dt);
     [stop.time, steady, steps].into_iter().flatten().filter(|d| d.is_finite() && *d > 0.0).reduce(f64::min)
 }
@@ -240,25 +241,39 @@ struct SteadyWatch {
 impl RunState {
     fn new(sim: &mut Simulation, model: &Model, sample_interval: f64) -> Self {
         let Clock { time, step, .. } = *sim.world.resource::<Clock>();
-        let steady = model.stop.steady.as_ref().map(|rule| SteadyWatch { next: time + rule.interval, last: watched(rule, sim), quiet: 0 });
+        let steady =
+            model.stop.steady.as_ref().map(|rule| SteadyWatch { next: time + interval(rule, sim), last: watched(rule, sim), quiet: 0 });
         RunState { first: step, next_sample: time + sample_interval, steady }
     }
 }
 
 fn steady_state_reached(sim: &mut Simulation, model: &Model, time: f64) -> bool {
     let Some(rule) = &model.stop.steady else { return false };
-    let now = watched(rule, sim);
+    let (now, interval) = (watched(rule, sim), interval(rule, sim));
     let energy = *sim.world.resource::<EnergyLedger>();
     let mut state = sim.world.resource_mut::<RunState>();
     let Some(watch) = &mut state.steady else { return false };
     while watch.next <= time {
-        watch.next += rule.interval;
+        watch.next += interval;
     }
     let change = (now - watch.last).abs() / now.abs().max(f64::MIN_POSITIVE);
     watch.last = now;
     let resting = energy.kinetic <= rule.kinetic_to_strain * energy.strain.abs();
     watch.quiet = if change < rule.change && resting { watch.quiet + 1 } else { 0 };
     watch.quiet >= rule.repeats && time >= rule.earliest
+}
+
+/// Steps between two looks at the steady state while nothing is known of the natural time.
+const UNKNOWN: f64 = 64.0;
+
+/// Time between two looks at the steady state.
+fn interval(rule: &Steady, sim: &Simulation) -> f64 {
+    rule.interval.unwrap_or_else(|| {
+        let clock = sim.world.resource::<Clock>();
+        let found = sim.world.get_resource::<NaturalTime>().and_then(|t| t.found);
+        // A look at every step would see no change.
+        found.unwrap_or(0.0).max(UNKNOWN * clock.dt_target)
+    })
 }
 
 /// The watched quantity: the length of a period vector, or the root mean square of all displacements.

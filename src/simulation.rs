@@ -124,6 +124,17 @@ impl Install<'_> {
         self.schedule.add_systems(config);
     }
 
+    /// Adds a constraint: `impose` takes dependents where the others have gone, in [`StepSet::Constraints`], and `condense` hands the forces
+    /// on them to the others, in [`StepSet::Condensation`]. One without the other makes energy.
+    pub fn add_constraint<A, B>(
+        &mut self,
+        impose: impl IntoScheduleConfigs<ScheduleSystem, A>,
+        condense: impl IntoScheduleConfigs<ScheduleSystem, B>,
+    ) {
+        self.add_system(StepSet::Constraints, impose);
+        self.add_system(StepSet::Condensation, condense);
+    }
+
     /// True if the nodes of this model have rotations.
     pub fn rotations(&self) -> bool {
         self.world.contains_resource::<Rotations>()

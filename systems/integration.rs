@@ -40,11 +40,11 @@ fn install(cx: &mut Install<'_>) {
         cx.add_system(StepSet::Kinematics, advance_orientations);
     }
     let alpha = match cx.model.integration.damping {
-        Damping::Mass(alpha) | Damping::Adaptive(alpha) => alpha,
+        Damping::Mass(alpha) | Damping::Adaptive(Some(alpha)) => alpha,
         _ => 0.0,
     };
     cx.world.insert_resource(MassDamping(alpha));
-    if alpha > 0.0 {
+    if alpha > 0.0 || cx.model.integration.damping == Damping::Adaptive(None) {
         cx.add_system(StepSet::Constraints, dissipate);
         if rotations {
             cx.add_system(StepSet::Constraints, dissipate_rotations);

@@ -15,6 +15,8 @@ mod lab_coil;
 mod lab_drag;
 #[path = "../examples/lab_mandrel.rs"]
 mod lab_mandrel;
+#[path = "../examples/lab_offset.rs"]
+mod lab_offset;
 #[path = "../examples/lab_plastic_truss.rs"]
 mod lab_plastic_truss;
 #[path = "../examples/lab_probe.rs"]
@@ -32,6 +34,7 @@ fn all(sim: &mut Simulation) {
     lab_coil::plugin(sim);
     lab_drag::plugin(sim);
     lab_mandrel::plugin(sim);
+    lab_offset::plugin(sim);
     lab_plastic_truss::plugin(sim);
     lab_probe::plugin(sim);
     lab_pulse::plugin(sim);
@@ -67,6 +70,11 @@ fn a_plastic_bar_keeps_its_plastic_strain_and_books_its_plastic_work() {
 #[test]
 fn a_falling_node_reaches_its_terminal_velocity_and_a_free_one_does_not() {
     known_answers("lab_drag", lab_drag::plugin);
+}
+
+#[test]
+fn a_rigid_arm_bends_and_twists_what_carries_it() {
+    known_answers("lab_offset", lab_offset::plugin);
 }
 
 #[test]
@@ -148,7 +156,7 @@ fn errors_inside_the_parts_of_plugins_have_line_and_column() {
     );
     check(
         message("lab_drag", "\"lab.drag\"", "\"lab.darg\""),
-        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.coil, lab.drag, lab.mandrel",
+        "a.ron:9:5: unknown section of a plugin `lab.darg`\n  help: did you mean `lab.drag`? known: contact, surfaces, mandrel, lab.coil, lab.drag, lab.mandrel, lab.offset",
     );
     check(
         message("lab_drag", "    stop:", "    \"lab.drag\": (density: 1, area: 1),\n    stop:"),

@@ -37,12 +37,13 @@ fn a_restored_run_goes_on_with_the_same_bits() {
     // trusses; a single beam; trusses that a mandrel holds without penalty.
     let braid: &[(&str, &str)] = &[("load.stroke", "0.05 mm"), ("tow.elements", "15")];
     let held: &[(&str, &str)] = &[("load.stroke", "0.05 mm"), ("tow.elements", "15"), ("mandrel.enforcement", "Kinematic")];
-    let cases: [(&str, &[(&str, &str)], [usize; 2], bool); 6] = [
+    let cases: [(&str, &[(&str, &str)], [usize; 2], bool); 7] = [
         ("embedded7.ron", braid, [5000, 700], true),
         ("truss7.ron", braid, [3000, 300], true),
         ("strand_1x7.ron", &[], [2000, 500], true),
         ("lattice_pbc.ron", &[], [200, 200], false),
         ("cantilever.ron", &[], [300, 300], false),
+        ("cantilever.ron", &[("damping", "Adaptive")], [300, 300], false),
         ("truss7.ron", held, [3000, 300], true),
     ];
     for (scene, sets, [before, after], touching) in cases {

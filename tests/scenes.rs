@@ -145,7 +145,7 @@ fn braid_scenes_start_without_overlap_and_know_their_time() {
         let Damping::Mass(alpha) = loaded.model.integration.damping else { panic!("{name} is damped") };
         assert!((alpha * 5.914e-4 - 1.0).abs() < 3e-3, "{name}: {alpha}");
         let steady = loaded.model.stop.steady.as_ref().expect("braids stop when they are at rest");
-        assert_eq!((steady.interval * alpha, steady.repeats, steady.change), (1.0, 3, 2e-4), "{name}");
+        assert_eq!((steady.interval.expect("tF") * alpha, steady.repeats, steady.change), (1.0, 3, 2e-4), "{name}");
         assert!((steady.earliest * alpha - 12.0).abs() < 1e-12);
         sim.build(&loaded.model).unwrap_or_else(|e| panic!("{name}: {e}"));
         run::start(&mut sim, &loaded.model).unwrap_or_else(|e| panic!("{name}: {e}"));

@@ -95,6 +95,37 @@ fn one_element_is_stable_below_the_limit_and_not_above() {
     }
 }
 
+/// What vibrates at 0.99 of the limit shows up to fifty times its energy in the middle of a swing: a run that goes on, not one that runs away.
+/// Above the limit, which only the clock can be told, it is stopped.
+#[test]
+fn a_sound_vibration_near_the_limit_is_not_called_a_run_away() {
+    let chain = |safety: f64| {
+        let n = 9;
+        let nodes: String = (0..n).map(|i| format!("[{i}, 0, 0],")).collect();
+        let list: String = (0..n).map(|i| format!("{i},")).collect();
+        let speeds: String =
+            (0..n).map(|i| format!("(nodes: [{i}], velocity: [{:?}, 0, 0]),", if i % 2 == 0 { 1e-5 } else { -1e-5 })).collect();
+        format!(
+            "sections: {{ \"s\": Stiffness(ea: 100, mass: 1) }}, nodes: [{nodes}], elements: {{ \"truss\": [(nodes: [{list}], section: \"s\")] }},
+            initial_velocity: [{speeds}], integration: (axial: Explicit, safety: {safety:?}), stop: (steps: 20000)"
+        )
+    };
+    for safety in [0.9, 0.99] {
+        let mut sim = ended(&chain(safety));
+        let e = ledger(&mut sim);
+        assert!(e.kinetic > 0.0 && !failed(&sim), "{e:?}");
+    }
+    let mut sim = started(&load(&chain(0.99)).model);
+    let limit = sim.world.resource::<Clock>().dt_limit;
+    sim.world.resource_mut::<Clock>().dt_target = 1.01 * limit;
+    let fails = (0..2000).any(|_| {
+        // The monitor would bring the step back.
+        sim.world.resource_mut::<Clock>().dt_target = 1.01 * limit;
+        run::step(&mut sim).is_err()
+    });
+    assert!(fails, "what grows without end is stopped");
+}
+
 /// A weight rests on a penalty spring of the floor and swings a little from being put there. Above the limit the swing grows
 /// until the program finds the weight thrown off, or pressed too deep, and stops (infinite here).
 #[test]

@@ -250,7 +250,7 @@ fn adaptive_damping_finds_the_slowest_mode() {
         (ledger.kinetic, position(&mut sim, nodes[10]).y, rate)
     };
     let (slow, _, none) = run(Damping::Mass(0.2));
-    let (fast, tip, rate) = run(Damping::Adaptive(0.2));
+    let (fast, tip, rate) = run(Damping::Adaptive(Some(0.2)));
     assert_eq!(none, None, "the damping costs nothing where it is not used");
     let omega = 3.516;
     let rate = rate.expect("it is used");

@@ -111,6 +111,9 @@ impl<'a> Keeper<'a> {
             Some(end) => self.recorder.sync().and_then(|()| self.store.put(Kind::End, end)).map(|_| outcome),
             None => Ok(outcome),
         });
+        if let (Some(end), Ok(_)) = (&self.end, &outcome) {
+            self.status.checkpoint = Some(end.header.step);
+        }
         self.status.eta_s = None;
         self.status.state = match word {
             "stopped" if outcome.is_ok() => RunningState::Stopped,

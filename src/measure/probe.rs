@@ -6,6 +6,7 @@ use super::node_ref::NodeRef;
 use super::reading::{CustomRead, Probe, Read, Reduce};
 use crate::model::Model;
 use crate::registry::{ReadError, Registry, SpecError};
+use crate::scene::units::{Ratio, Triple};
 use crate::systems::surface::surface_specs;
 use glam::DVec3;
 use ron::value::RawValue;
@@ -173,6 +174,27 @@ pub enum ProbeSpec {
         #[serde(default)]
         component: Component,
     },
+    /// Momentum of all nodes.
+    Momentum {
+        /// Component (default `Magnitude`).
+        #[serde(default)]
+        component: Component,
+    },
+    /// Moment of momentum of all nodes about the origin, those of their rotary inertias included.
+    AngularMomentum {
+        /// Component (default `Magnitude`).
+        #[serde(default)]
+        component: Component,
+    },
+    /// Where a direction that is fixed in the cross-section of a node points now (no unit).
+    Direction {
+        /// The node.
+        node: NodeRef,
+        /// The direction at the start.
+        axis: Triple<Ratio>,
+        /// Component of its unit vector.
+        component: Component,
+    },
     /// Time step.
     TimeStep,
     /// Length of the period vector of a dummy node.
@@ -305,6 +327,13 @@ impl ProbeSpec {
             ProbeSpec::MaxPenetration => Read::MaxPenetration,
             ProbeSpec::SurfaceForce { surface, component } => Read::SurfaceForce(surface_number(surface, model)?, *component),
             ProbeSpec::SurfaceMoment { surface, component } => Read::SurfaceMoment(surface_number(surface, model)?, *component),
+            ProbeSpec::Momentum { component } => Read::Momentum(*component),
+            ProbeSpec::AngularMomentum { component } => Read::AngularMomentum(*component),
+            ProbeSpec::Direction { node: n, axis, component } => {
+                rotations()?;
+                let axis = DVec3::from(*axis).try_normalize().ok_or_else(|| SpecError::new("axis", "a direction of no length"))?;
+                Read::Direction(node(n)?, axis, *component)
+            }
             ProbeSpec::TimeStep => Read::TimeStep,
             ProbeSpec::DummyLength { node: n } => {
                 let id = node(n)?;

@@ -25,6 +25,10 @@ pub enum Quantity {
     Moment,
     /// force x length, of an energy
     Energy,
+    /// force x time
+    Momentum,
+    /// force x length x time
+    AngularMomentum,
     /// time
     Time,
     /// no unit
@@ -77,6 +81,9 @@ pub(super) enum Read {
     MaxPenetration,
     SurfaceForce(usize, Of),
     SurfaceMoment(usize, Of),
+    Momentum(Of),
+    AngularMomentum(Of),
+    Direction(NodeId, DVec3, Of),
     TimeStep,
     DummyLength(NodeId),
     Distance([NodeId; 2]),
@@ -116,7 +123,9 @@ impl Probe {
             Read::SectionForce(_, _, SectionTerm::M | SectionTerm::T) => Quantity::Moment,
             Read::Energy(_) => Quantity::Energy,
             Read::TimeStep => Quantity::Time,
-            Read::MaxPenetration => Quantity::Number,
+            Read::Momentum(_) => Quantity::Momentum,
+            Read::AngularMomentum(_) => Quantity::AngularMomentum,
+            Read::MaxPenetration | Read::Direction(..) => Quantity::Number,
             Read::Custom(custom) => custom.quantity,
         }
     }
@@ -177,6 +186,9 @@ impl Probe {
             Read::SurfaceMoment(k, c) => {
                 c.of(world.get_resource::<SurfaceReactions>().and_then(|r| r.moment.get(*k).copied()).unwrap_or_default())
             }
+            Read::Momentum(c) => c.of(momentum(world)),
+            Read::AngularMomentum(c) => c.of(angular_momentum(world)),
+            Read::Direction(n, axis, c) => c.of(column::<Orientation>(world, *n).map_or(DQuat::IDENTITY, |q| q.0) * *axis),
             Read::TimeStep => world.get_resource::<Clock>().map_or(0.0, |c| c.dt),
             Read::DummyLength(n) => position(world, *n).length(),
             Read::Distance([a, b]) => position(world, *a).distance(position(world, *b)),
@@ -197,6 +209,25 @@ fn column<T: bevy_ecs::component::Component + Copy>(world: &World, node: NodeId)
 /// Current position of a node (of a dummy node its period vector); zero for a node that is not there.
 pub fn position(world: &World, node: NodeId) -> DVec3 {
     column::<Position>(world, node).map_or(DVec3::ZERO, |x| x.0)
+}
+
+/// Time from the positions to the velocities, which stand half a step later.
+fn half_step(world: &World) -> f64 {
+    world.get_resource::<Clock>().map_or(0.0, |c| 0.5 * c.dt_next)
+}
+
+fn momentum(world: &mut World) -> DVec3 {
+    let back = half_step(world);
+    let mut nodes = world.query::<(&Velocity, &Force, &InverseMass, &Mass)>();
+    nodes.iter(world).map(|(v, f, w, m)| (v.0 - f.0 * w.0 * back) * m.0).sum()
+}
+
+fn angular_momentum(world: &mut World) -> DVec3 {
+    let back = half_step(world);
+    let mut nodes = world.query::<(&Position, &Velocity, &Force, &InverseMass, &Mass)>();
+    let orbits: DVec3 = nodes.iter(world).map(|(x, v, f, w, m)| x.0.cross(v.0 - f.0 * w.0 * back) * m.0).sum();
+    let mut nodes = world.query::<(&AngularVelocity, &Moment, &InverseInertia, &RotaryInertia)>();
+    orbits + nodes.iter(world).map(|(o, m, w, j)| (o.0 - m.0 * w.0 * back) * j.0).sum::<DVec3>()
 }
 
 /// A support carries what the other forces leave over: the node does not accelerate where it is held.

@@ -66,6 +66,7 @@ impl Probes {
 
 /// Unit of a quantity.
 pub fn unit(quantity: Quantity, units: UnitSystem) -> String {
+    let times = |unit: &str| if unit == "-" { unit.to_string() } else { format!("{unit} {}", units.time()) };
     match quantity {
         Quantity::Length => units.length().into(),
         Quantity::Angle => "rad".into(),
@@ -73,6 +74,8 @@ pub fn unit(quantity: Quantity, units: UnitSystem) -> String {
         Quantity::Force => units.force().into(),
         Quantity::Moment => units.moment(),
         Quantity::Energy => units.energy().into(),
+        Quantity::Momentum => times(units.force()),
+        Quantity::AngularMomentum => times(units.energy()),
         Quantity::Time => units.time().into(),
         Quantity::Number => "-".into(),
     }

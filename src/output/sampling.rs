@@ -11,12 +11,17 @@ pub struct Sampler {
     next_step: u64,
 }
 
+/// Doublings of the number of steps over which `Count` is spread where the duration is unknown.
+const DOUBLINGS: u32 = 10;
+
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Rule {
     Never,
     Ends,
     Every(f64),
     Steps(u64),
+    /// The first after n steps, the next ones after a share of 1/n of the steps so far: for runs of unknown duration.
+    Growing(u64),
 }
 
 impl Default for Sampler {
@@ -33,7 +38,7 @@ impl Sampler {
             Sampling::Ends | Sampling::Count(0) => Rule::Ends,
             Sampling::Count(n) => match duration.filter(|d| d.is_finite() && *d > 0.0) {
                 Some(d) => Rule::Every(d / f64::from(n)),
-                None => Rule::Ends,
+                None => Rule::Growing(u64::from(n.div_ceil(DOUBLINGS))),
             },
             Sampling::Every(interval) if interval.0 > 0.0 => Rule::Every(interval.0),
             Sampling::Every(_) => Rule::Ends,
@@ -41,7 +46,7 @@ impl Sampler {
         };
         let (next_time, next_step) = match rule {
             Rule::Every(interval) => (interval, u64::MAX),
-            Rule::Steps(n) => (f64::INFINITY, n),
+            Rule::Steps(n) | Rule::Growing(n) => (f64::INFINITY, n),
             Rule::Never | Rule::Ends => (f64::INFINITY, u64::MAX),
         };
         Sampler { rule, next_time, next_step }
@@ -57,6 +62,7 @@ impl Sampler {
         match self.rule {
             Rule::Every(interval) => interval,
             Rule::Steps(n) => 0.5 * n as f64 * dt,
+            Rule::Growing(_) => 64.0 * dt,
             Rule::Never | Rule::Ends => f64::INFINITY,
         }
     }
@@ -71,6 +77,10 @@ impl Sampler {
             }
             Rule::Steps(n) if step >= self.next_step => {
                 self.next_step = (step / n + 1) * n;
+                true
+            }
+            Rule::Growing(n) if step >= self.next_step => {
+                self.next_step = step + (step / n).max(1);
                 true
             }
             _ => false,
@@ -93,7 +103,9 @@ mod tests {
         assert_eq!(times(Sampling::Count(4), Some(1.0), 0.01), [25, 50, 75, 100]);
         assert_eq!(times(Sampling::Every(Time(0.3)), None, 0.01), [30, 60, 90]);
         assert_eq!(times(Sampling::Steps(40), None, 0.01), [40, 80]);
-        assert!(times(Sampling::Ends, Some(1.0), 0.01).is_empty() && times(Sampling::Count(5), None, 0.01).is_empty());
+        assert!(times(Sampling::Ends, Some(1.0), 0.01).is_empty() && times(Sampling::Count(0), None, 0.01).is_empty());
+        // Of a run of unknown duration: a share of the steps so far.
+        assert_eq!(times(Sampling::Count(20), None, 0.01), [2, 3, 4, 6, 9, 13, 19, 28, 42, 63, 94]);
         // Steps longer than the interval: one sample per step, none twice.
         assert_eq!(times(Sampling::Every(Time(0.3)), None, 1.0).len(), 100);
         assert!(!Sampler::new(Sampling::Never, None).wanted() && Sampler::new(Sampling::Ends, None).wanted());

@@ -15,6 +15,7 @@ use crate::simulation::{Failure, NodeEntities, NodeRows, Simulation};
 use crate::step::Clock;
 use crate::systems::contact::monitor::summarise;
 use crate::systems::energy::LookNow;
+use crate::systems::watch::{Recent, Suspect};
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
@@ -270,6 +271,7 @@ pub fn looked_at<T>(sim: &mut Simulation, read: impl FnOnce(&mut World) -> T) ->
     let world = &sim.world;
     let (ledger, contacts) = (world.get_resource::<EnergyLedger>().copied(), world.get_resource::<ContactSummary>().copied());
     let (failure, look) = (world.resource::<Failure>().clone(), world.get_resource::<LookNow>().copied());
+    let (recent, suspect) = (world.get_resource::<Recent>().cloned(), world.get_resource::<Suspect>().copied());
     let supply = Inspected::resources(world).into_iter().find(|r| r.name == "Supply").and_then(|r| Some((r.text(world)?, r)));
     if contacts.is_some() {
         summarise(&mut sim.world);
@@ -287,6 +289,12 @@ pub fn looked_at<T>(sim: &mut Simulation, read: impl FnOnce(&mut World) -> T) ->
         world.insert_resource(look);
     }
     world.insert_resource(failure);
+    if let Some(recent) = recent {
+        world.insert_resource(recent);
+    }
+    if let Some(suspect) = suspect {
+        world.insert_resource(suspect);
+    }
     if let Some((text, supply)) = supply {
         supply.put(world, &text).expect("what was written reads back");
     }

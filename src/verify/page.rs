@@ -35,12 +35,15 @@ pub(super) fn page(outcome: &Outcome) -> String {
     }
     h += "<h2>Quantities</h2>\n";
     h += &table(rows);
-    h += "<h2>Plots</h2>\n<p>Bars: the size of the error over what is allowed, on the finest mesh; the green line is 1, and errors of nothing have no bar. \
-          Curves: the error over the number of elements, where a scene was run on several meshes.</p>\n";
+    h += "<h2>Plots</h2>\n<p>Dots: what came out over its reference, on the finest mesh; on the line both are the same. \
+          Bars: the size of the error over what is allowed; the green line is 1, and errors of nothing have no bar. \
+          Curves, where a scene was run on several meshes: the error over the number of elements, and over its cost, the steps of all elements.</p>\n";
     for scene in scenes {
         let own: Vec<&Row> = rows.iter().filter(|r| r.scene == scene).collect();
         let _ = writeln!(h, "<figure id=\"{}\">{}</figure>", escape(scene), inline(&bars(&own)));
-        if let Some(svg) = curves(&own) {
+        let costs = [Cost { label: "elements [-]", of: |r| r.elements as f64, order: Some(2.0) }, ELEMENT_STEPS];
+        let plots = solution(&own).into_iter().chain(costs.iter().filter_map(|cost| curves(&own, cost)));
+        for svg in plots {
             let _ = writeln!(h, "<figure>{}</figure>", inline(&svg));
         }
     }
@@ -99,14 +102,41 @@ fn bars(rows: &[&Row]) -> String {
     RowChart { title: title(rows), x, rows: rows_of, bars: true, sources: Vec::new() }.svg(WIDTH)
 }
 
-/// Error over the number of elements; none of a scene that was run on one mesh.
-fn curves(rows: &[&Row]) -> Option<String> {
+/// What came out over its reference, on the finest mesh; none where nothing came out.
+fn solution(rows: &[&Row]) -> Option<String> {
+    let mut points: Vec<(f64, f64)> = finest(rows).iter().filter_map(|r| r.computed.map(|c| (r.reference, c))).collect();
+    let (least, most) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(p.0), b.max(p.0)));
+    if points.is_empty() {
+        return None;
+    }
+    // One value has no range of its own.
+    let margin = if most > least { 0.05 * (most - least) } else { 0.5 * most.abs().max(1e-9) };
+    let ends = [least - margin, most + margin];
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let series = vec![Series::line("the same", ends.map(|e| (e, e)).to_vec()), Series::dots("computed", points)];
+    let plot = Plot { title: title(rows), x: Axis::linear("reference"), y: Axis::linear("computed"), series };
+    Some(line_plot(&plot, (WIDTH, 300)))
+}
+
+/// What a diagram of errors is drawn over.
+struct Cost {
+    label: &'static str,
+    of: fn(&Row) -> f64,
+    /// Order of the line that is drawn for comparison.
+    order: Option<f64>,
+}
+
+/// Work of a run, whatever the machine.
+const ELEMENT_STEPS: Cost = Cost { label: "elements x steps [-]", of: |r| r.elements as f64 * r.steps as f64, order: None };
+
+/// Error over the cost; none of a scene that was run on one mesh.
+fn curves(rows: &[&Row], cost: &Cost) -> Option<String> {
     let size = |r: &Row| r.error.map_or(0.0, f64::abs);
     let mut last = finest(rows);
     // What is exact but for rounding says nothing about the mesh, and would stretch the axis over ten decades.
     last.retain(|r| size(r) > NEGLIGIBLE * if r.reference == 0.0 { r.allowed } else { 1.0 });
     last.sort_by(|a, b| size(b).total_cmp(&size(a)));
-    let points = |q: &str| rows.iter().filter(|r| r.quantity == q).map(|r| (r.elements as f64, size(r))).collect::<Vec<_>>();
+    let points = |q: &str| rows.iter().filter(|r| r.quantity == q).map(|r| ((cost.of)(r), size(r))).collect::<Vec<_>>();
     let of = last.len();
     last.truncate(CURVES);
     // In the legend in the order of the scene.
@@ -118,11 +148,13 @@ fn curves(rows: &[&Row]) -> Option<String> {
     if few >= many {
         return None;
     }
-    // A line of slope two just below all points: above them is the legend.
-    let c = all.iter().map(|p| p.1 * p.0 * p.0).fold(f64::INFINITY, f64::min) / 1.5;
-    series.push(Series::line("order 2", vec![(few, c / (few * few)), (many, c / (many * many))]));
+    if let Some(order) = cost.order {
+        // A line just below all points: above them is the legend.
+        let c = all.iter().map(|p| p.1 * p.0.powf(order)).fold(f64::INFINITY, f64::min) / 1.5;
+        series.push(Series::line(format!("order {order}"), [few, many].map(|n| (n, c / n.powf(order))).to_vec()));
+    }
     let of = if of > CURVES { format!(" ({CURVES} largest of {of})") } else { String::new() };
-    let plot = Plot { title: format!("{}{of}", title(rows)), x: Axis::log("elements [-]"), y: Axis::log("error [-]"), series };
+    let plot = Plot { title: format!("{}{of}", title(rows)), x: Axis::log(cost.label), y: Axis::log("error [-]"), series };
     Some(line_plot(&plot, (WIDTH, 400)))
 }
 
@@ -141,10 +173,11 @@ mod tests {
             assert!(page.contains(part), "{part} is missing in\n{page}");
         }
         assert!(!page.contains("http") && !page.contains("NaN") && page.ends_with(END));
-        assert_eq!(page.matches("<svg").count(), 2);
+        assert!(page.contains("elements x steps") && page.contains("the same"));
+        assert_eq!(page.matches("<svg").count(), 4);
         let one: Vec<Row> = two_meshes().into_iter().filter(|r| r.mesh == 1.0).collect();
         let page = super::page(&Outcome::new(one, Vec::new()));
-        assert_eq!(page.matches("<svg").count(), 1, "one mesh makes no curve");
+        assert_eq!(page.matches("<svg").count(), 2, "one mesh makes no curve");
         assert!(!page.contains("<th>mesh</th>"));
         assert!(super::page(&Outcome::new(Vec::new(), Vec::new())).contains("0 scenes"));
     }

@@ -29,7 +29,7 @@ impl Builder<'_> {
             hints.push(hint("surfaces", "nothing touches the rigid surfaces: the scene has no filaments"));
         }
         if scene.stop.steady.is_some() && self.model.integration.damping == Damping::None {
-            hints.push(hint("stop", "a state of rest is waited for without damping"));
+            hints.push(hint("stop", "a state of rest is waited for without damping; `damping: Adaptive` finds its own rate"));
         }
         if scene.load.is_none()
             && scene.damping == Some(DampingSpec::Kinetic)

@@ -8,6 +8,9 @@ use crate::scene::schema::{AxialSpec, DampingSpec, OnFailure, RotaryInertiaSpec,
 use crate::scene::units::{Length, Rate, Ratio, Time};
 use glam::DVec3;
 
+/// Kinetic over strain energy at which a run that finds its own time is at rest.
+const AT_REST: f64 = 1e-8;
+
 /// Most times that a run is tried again: the time step is then a thousandth.
 const MOST_RETRIES: u32 = 10;
 
@@ -116,17 +119,14 @@ impl Builder<'_> {
                 self.not_negative(at("damping"), "the damping rate", alpha.0);
                 Damping::Mass(alpha.0)
             }
+            DampingSpec::Adaptive => Damping::Adaptive(self.time_scale.map(|(scale, _)| 1.0 / scale)),
             // Under `load` the automatic rate has been filled in already.
-            DampingSpec::Auto | DampingSpec::Adaptive => match self.time_scale {
-                Some((scale, _)) => Damping::Adaptive(1.0 / scale),
-                None => {
-                    self.problems.push(
-                        Problem::new(at("damping"), "automatic damping needs `load`: a force along the period")
-                            .help("give the rate: Mass(120), with 1/rate about the slowest time of the problem"),
-                    );
-                    Damping::None
-                }
-            },
+            DampingSpec::Auto => {
+                self.problems.push(Problem::new(at("damping"), "automatic damping needs `load`: a force along the period").help(
+                    "`Adaptive` finds the rate from the motion; or give it: Mass(120), with 1/rate about the slowest time of the problem",
+                ));
+                Damping::None
+            }
         };
         self.model.integration.damping = damping;
         self.add_watch(&scene.watch);
@@ -192,11 +192,24 @@ impl Builder<'_> {
             None if self.time_scale.is_some() => self.time_scale.map(|t| t.1),
             None => (0..self.model.nodes.len()).find(|i| self.model.nodes[*i].dummy).map(|i| NodeId(i as u32)),
         };
-        let Some(interval) = spec.interval else {
-            self.problem(path, "the interval of the steady state is missing: only structures under `load` know their own time");
-            return None;
-        };
-        self.above_zero(path.key("interval"), "the interval of the steady state", interval.0);
+        let finds_its_time = self.model.integration.damping == Damping::Adaptive(None);
+        match spec.interval {
+            Some(interval) => {
+                self.above_zero(path.key("interval"), "the interval of the steady state", interval.0);
+            }
+            None if finds_its_time => {
+                spec.kinetic_to_strain.get_or_insert(Ratio(AT_REST));
+                let settled = self.model.amplitudes.iter().map(Amplitude::settled).fold(0.0, f64::max);
+                spec.earliest.get_or_insert(Time(settled));
+            }
+            None => {
+                self.problems.push(
+                    Problem::new(path, "the interval of the steady state is missing: only structures under `load` know their own time")
+                        .help("give it, about the slowest time of the problem; with `damping: Adaptive` it follows from the motion"),
+                );
+                return None;
+            }
+        }
         self.above_zero(path.key("change"), "the relative change of the steady state", spec.change.0);
         if spec.repeats == 0 {
             self.bad_value(path.key("repeats"), "repeats must be at least 1");
@@ -205,7 +218,7 @@ impl Builder<'_> {
         self.not_negative(path.key("earliest"), "the earliest steady state", earliest);
         Some(Steady {
             dummy,
-            interval: interval.0,
+            interval: spec.interval.map(f64::from),
             change: spec.change.0,
             repeats: spec.repeats,
             earliest,

@@ -13,7 +13,7 @@ pub enum DampingSpec {
     Auto,
     /// Mass damping f = -alpha m v with the given alpha (1 / time).
     Mass(Rate),
-    /// As `Auto` until the motion has calmed down, then as its slowest mode needs it.
+    /// As the slowest mode of the motion needs it; with `load` as `Auto` until the motion has calmed down.
     Adaptive,
     /// All velocities set to zero at every peak of the kinetic energy.
     Kinetic,
@@ -80,7 +80,7 @@ pub struct SteadySpec {
     /// Name of the dummy node whose period vector is watched. Default: the first one; without dummy nodes, the largest speed.
     #[serde(default)]
     pub watch: Option<NodeRef>,
-    /// Time between two looks (time). Default tF (with `load`).
+    /// Time between two looks (time). Default tF (with `load`), or what adaptive damping finds.
     #[serde(default)]
     pub interval: Option<Time>,
     /// Largest relative change per interval. Default 2e-4.
@@ -89,10 +89,10 @@ pub struct SteadySpec {
     /// Looks in a row. Default 3.
     #[serde(default = "repeats")]
     pub repeats: u32,
-    /// Not before this time (time). Default 12 tF (with `load`), else 0.
+    /// Not before this time (time). Default 12 tF (with `load`), the end of all rises where the interval is found, else 0.
     #[serde(default)]
     pub earliest: Option<Time>,
-    /// Largest kinetic energy over strain energy. Default: not looked at.
+    /// Largest kinetic energy over strain energy. Default: not looked at; 1e-8 where the interval is found.
     #[serde(default)]
     pub kinetic_to_strain: Option<Ratio>,
 }

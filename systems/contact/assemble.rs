@@ -206,7 +206,7 @@ fn lines_at_once<L: Lane>(
     }
     let c = line_contact(penalty, lines, now, records, states, &at);
     let (r, kept) = (&c.response, kept_stiffness(c.stiffness, at.overlap));
-    let bears = L::pick(soon, c.stiffness * penalty.law.slope(deep, c.reach), L::splat(0.0));
+    let bears = L::pick(soon, c.stiffness * penalty.law.slope(deep - c.offset, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = c.t[1].lane(lane);
         sum.bear(first + lane, bears.lane(lane));
@@ -260,7 +260,7 @@ fn points_at_once<L: Lane>(
     let overlap = c.penetration + c.offset;
     let kept = kept_stiffness(c.stiffness, overlap);
     let deep = expected(overlap, |l| states[l].overlap);
-    let bears = L::pick(L::splat(0.0).less(deep), c.stiffness * penalty.law.slope(deep, c.reach), L::splat(0.0));
+    let bears = L::pick(L::splat(0.0).less(deep), c.stiffness * penalty.law.slope(deep - c.offset, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
         sum.bear(first + lane, bears.lane(lane));

@@ -23,7 +23,7 @@ fn chain<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape)
 
 /// Element of kind `E` along the given points.
 fn along<E: Element<N>, const N: usize>(points: &[DVec3], natural: NaturalShape) -> E {
-    chain(points, natural)[0].0.clone()
+    chain::<E, N>(points, natural)[0].0.clone()
 }
 
 /// The vector kernel, four elements at a time, against the kernel of one.

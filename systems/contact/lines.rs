@@ -127,9 +127,8 @@ impl Lines {
     /// # Errors
     /// More than three period vectors, or a filament that ends in two others.
     pub fn new(model: &Model, row: impl Fn(NodeId) -> usize, x: &[DVec3]) -> Result<Lines, String> {
-        let mut lines = Lines::default();
-        lines.model_index =
-            (0..model.filaments.len()).filter(|&f| model.filaments[f].contact && model.filaments[f].nodes.len() > 1).collect();
+        let with_contact = |f: &usize| model.filaments[*f].contact && model.filaments[*f].nodes.len() > 1;
+        let mut lines = Lines { model_index: (0..model.filaments.len()).filter(with_contact).collect(), ..Lines::default() };
         if lines.model_index.is_empty() {
             return Ok(lines);
         }

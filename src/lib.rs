@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 extern crate self as braid_ecs;
 
+pub mod advise;
 pub mod amplitude;
 pub mod assembly;
 pub mod catalog;

@@ -77,7 +77,8 @@ fn follow_limit(world: &mut World) {
     let (least, by) = seen.least.as_ref().expect("just set");
     let mut clock = world.resource_mut::<Clock>();
     let wanted = rule.safety * least;
-    let may_grow = early || step.is_multiple_of(GROW);
+    // Not in the first steps: what will touch has not begun to move.
+    let may_grow = step.is_multiple_of(GROW);
     if wanted < clock.dt_target || may_grow {
         (clock.dt_limit, clock.limited_by) = (*least, by.clone());
         if !rule.fixed && wanted.is_finite() && (wanted < clock.dt_target || wanted > 1.05 * clock.dt_target) {

@@ -18,7 +18,7 @@ const MAGIC: &[u8; 8] = b"braidckp";
 const CHECKSUM: usize = blake3::OUT_LEN;
 
 /// Version of the format that is written and read.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// BLAKE3 of the text of a scene after `--set`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

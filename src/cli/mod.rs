@@ -7,9 +7,10 @@
 //! | 3 | the scene is invalid |
 //! | 4 | a file cannot be read or written |
 //! | 5 | numerical failure during the run, or a failed row of a study; what was computed is kept |
-//! | 6 | a scene with known answers misses one |
+//! | 6 | a scene with known answers misses one, or no model meets what was asked of `advise` |
 //! | 75 | stopped (Ctrl-C, SIGTERM, `--time-limit`, `ctl DIR stop`): what was computed is kept, and `resume DIR` goes on |
 //! | 130 | given up with a second Ctrl-C; `resume DIR` goes on from the last checkpoint |
+mod advise;
 mod bench;
 mod check;
 #[cfg(test)]
@@ -60,6 +61,8 @@ enum Command {
     Verify(verify::VerifyArgs),
     /// Run a scene in many variants and compare what comes out.
     Study(study::StudyArgs),
+    /// Propose a model of the tows for a wanted error or time, and write the scene.
+    Advise(advise::AdviseArgs),
     /// Go on with a run that was stopped, from its last checkpoint.
     Resume(resume::ResumeArgs),
     /// Step through a run at a prompt, system by system and back (debug builds).
@@ -122,6 +125,7 @@ pub fn main(plugins: impl Plugin + Send + Sync) -> ExitCode {
         (Some(Command::Bench(args)), _) => bench::bench(&args, plugins),
         (Some(Command::Verify(args)), _) => verify::run(&args, plugins),
         (Some(Command::Study(args)), _) => study::run(&args, plugins),
+        (Some(Command::Advise(args)), _) => advise::advise(&args, plugins),
         (Some(Command::Resume(args)), _) => resume::resume(&args, plugins),
         (Some(Command::Step(args)), _) => step::step(&args, plugins),
         (Some(Command::Plugins(args)), _) => plugins::list(&args, plugins),

@@ -13,6 +13,8 @@ td.text { white-space: normal; }
 tr.reference td { background: #e8f5ef; } tr.others td { color: #777; font-style: italic; border-bottom-style: dotted; }
 small { color: #666; } td.front { color: #b34700; font-weight: 600; } td.failed { color: #b00020; }
 figure { margin: 0.8rem 0; break-inside: avoid; } svg { max-width: 100%; height: auto; }
+div.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(18rem, 1fr)); gap: 0.8rem; } div.pictures img { max-width: 100%; height: auto; }
+figcaption { text-align: center; color: #444; } p.none { color: #777; font-style: italic; text-align: center; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.8rem; white-space: pre-wrap; }
 @page { margin: 14mm; }
 @media print { html { font-size: 11px; } body { margin: 0; padding: 0; max-width: none; font-size: 11px; } div.wide { overflow: visible; } th, td { white-space: normal; padding: 0.15rem 0.3rem; } tr { break-inside: avoid; } h2 { break-after: avoid; } }

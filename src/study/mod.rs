@@ -10,6 +10,7 @@
 //! | remaining time | `eta.rs` |
 //! | values with intervals, errors, front of time and error, convergence | `results.rs`, `convergence.rs` |
 //! | `study.json`, `study.csv` | `tables.rs` |
+//! | pictures of the rows for the report | `gallery.rs` |
 //! | plots and `report.html` | `chart.rs`, `scatter.rs`, `plots.rs`, `report.rs`, `text.rs` |
 //!
 //! A study knows scenes and summaries only: nothing of elements, contacts or steps.
@@ -18,6 +19,7 @@ pub mod convergence;
 mod draft;
 pub mod eta;
 mod execute;
+mod gallery;
 mod plan;
 mod plots;
 mod read;

@@ -1,5 +1,6 @@
 //! `report.html`: the whole study on one page that needs nothing else, on a screen or on paper.
 use super::StudyError;
+use super::gallery::gallery;
 use super::plan::Plan;
 use super::plots::{Drawn, published};
 use super::results::{Results, RowResult, Value};
@@ -22,10 +23,10 @@ pub(super) fn write(
     plots: &[Drawn],
     folder: &Path,
 ) -> Result<(), StudyError> {
-    Ok(write_atomic(&folder.join("report.html"), page(plan, results, machine, state, plots).as_bytes())?)
+    Ok(write_atomic(&folder.join("report.html"), page(plan, results, machine, state, plots, folder).as_bytes())?)
 }
 
-fn page(plan: &Plan, results: &Results, machine: &Machine, state: State, plots: &[Drawn]) -> String {
+fn page(plan: &Plan, results: &Results, machine: &Machine, state: State, plots: &[Drawn], folder: &Path) -> String {
     let study = &plan.file.study;
     let title = if study.title.is_empty() { plan.file.name() } else { study.title.clone() };
     let mut h = page::head(&title, "braid-ecs study");
@@ -39,6 +40,7 @@ fn page(plan: &Plan, results: &Results, machine: &Machine, state: State, plots: 
     h += "<h2>Results</h2>\n";
     h += &table(plan, results);
     h += &failures(results);
+    h += &gallery(plan, results, folder);
     h += "<h2>Plots</h2>\n";
     for plot in plots {
         let _ = writeln!(h, "<figure>{}</figure>", inline(&plot.svg));
@@ -208,6 +210,9 @@ fn assumptions(plan: &Plan) -> String {
         let _ = writeln!(h, "<li>Error of {}: {error}.</li>", escape(&o.name));
     }
     h += "<li>The cumulated error is the sum of these errors.</li>\n";
+    for a in &study.assumptions {
+        let _ = writeln!(h, "<li>{}</li>", escape(a));
+    }
     if let Some(r) = &study.replicates {
         let seeds: Vec<String> = r.seeds.iter().map(u64::to_string).collect();
         let _ = writeln!(h, "<li>Every row was run with the seeds {}.</li>", seeds.join(", "));

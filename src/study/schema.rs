@@ -42,6 +42,12 @@ pub struct Study {
     /// Most rows at a time, whatever the number of processors.
     #[serde(default)]
     pub max_parallel: Option<u16>,
+    /// Whether the report shows the last picture of every row. Default false.
+    #[serde(default)]
+    pub pictures: bool,
+    /// What is assumed beyond the scenes, for the report.
+    #[serde(default)]
+    pub assumptions: Vec<String>,
 }
 
 /// An axis of a study.

@@ -35,14 +35,19 @@ pub struct Totals {
 }
 
 /// Steps in which a record whose overlap grows as in the last one counts as touching: the time step needs two to follow.
-const AHEAD: f64 = 4.0;
+pub const AHEAD: f64 = 4.0;
 
-/// Overlap that is to be expected.
+/// How an overlap has grown in this step, and the largest that is to be expected in the next ones if it goes on to grow as fast, or
+/// ever faster as in this step.
 #[inline(always)]
-fn expected<L: Lane>(overlap: L, before: impl Fn(usize) -> f64) -> L {
-    // A record just found does not know its overlap before.
-    let growth = (overlap - L::from_fn(before)).upper(L::splat(0.0));
-    overlap + growth * L::splat(AHEAD)
+fn expected<L: Lane>(overlap: L, before: impl Fn(usize) -> f64, growth_before: impl Fn(usize) -> f64) -> [L; 2] {
+    let zero = L::splat(0.0);
+    let growth = overlap - L::from_fn(before);
+    // A record just found does not know its overlap before: not a number is neither less nor more.
+    let growth = growth.upper(zero) - (-growth).upper(zero);
+    let faster = (growth - L::from_fn(growth_before)).upper(zero);
+    let more = growth * L::splat(AHEAD) + faster * L::splat(0.5 * AHEAD * (AHEAD + 1.0));
+    [growth, overlap + more.upper(zero)]
 }
 
 impl Totals {
@@ -190,7 +195,7 @@ fn lines_at_once<L: Lane>(
     sum: &mut Totals,
 ) {
     let at = beside::<L>(lines, now, records, states);
-    let deep = expected(at.overlap, |l| states[l].overlap);
+    let [growth, deep] = expected(at.overlap, |l| states[l].overlap, |l| states[l].growth);
     let soon = L::splat(0.0).less(deep);
     if !L::any(soon) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
@@ -199,7 +204,7 @@ fn lines_at_once<L: Lane>(
             if states[lane].stiffness != APART {
                 forces[lane].0.force = DVec3::ZERO;
             }
-            states[lane] = LineState { stiffness: APART, overlap: at.overlap.lane(lane), ..LineState::at(t) };
+            states[lane] = LineState { stiffness: APART, overlap: at.overlap.lane(lane), growth: growth.lane(lane), ..LineState::at(t) };
             sum.note(first + lane, strayed(t), DVec3::ZERO);
         }
         return;
@@ -218,6 +223,7 @@ fn lines_at_once<L: Lane>(
             offset: c.offset.lane(lane),
             stiffness: kept.lane(lane),
             overlap: at.overlap.lane(lane),
+            growth: growth.lane(lane),
         };
         forces[lane] = LineForce(action(&c, lane));
         sum.note(first + lane, strayed(t), forces[lane].0.force);
@@ -259,7 +265,7 @@ fn points_at_once<L: Lane>(
     let r = &c.response;
     let overlap = c.penetration + c.offset;
     let kept = kept_stiffness(c.stiffness, overlap);
-    let deep = expected(overlap, |l| states[l].overlap);
+    let [growth, deep] = expected(overlap, |l| states[l].overlap, |l| states[l].growth);
     let bears = L::pick(L::splat(0.0).less(deep), c.stiffness * penalty.law.slope(deep - c.offset, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
@@ -272,6 +278,7 @@ fn points_at_once<L: Lane>(
             offset: c.offset.lane(lane),
             stiffness: kept.lane(lane),
             overlap: overlap.lane(lane),
+            growth: growth.lane(lane),
         };
         forces[lane] = PointForce(action(&c, lane));
         sum.note(first + lane, t.iter().any(|t| strayed(*t)), forces[lane].0.force);

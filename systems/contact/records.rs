@@ -40,12 +40,14 @@ pub struct LineState {
     pub stiffness: f64,
     /// Overlap of the step before; not a number for a record just found (length).
     pub overlap: f64,
+    /// By how much it had grown in that step (length).
+    pub growth: f64,
 }
 
 impl LineState {
     /// Of a record just found.
     pub fn at(t: f64) -> Self {
-        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN }
+        LineState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN, growth: 0.0 }
     }
 }
 
@@ -91,12 +93,14 @@ pub struct PointState {
     pub stiffness: f64,
     /// Overlap of the step before; not a number for a record just found (length).
     pub overlap: f64,
+    /// By how much it had grown in that step (length).
+    pub growth: f64,
 }
 
 impl PointState {
     /// Of a record just found.
     pub fn at(t: [f64; 2]) -> Self {
-        PointState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN }
+        PointState { t, slip: DVec3::ZERO, damper: 0.0, offset: 0.0, stiffness: 0.0, overlap: f64::NAN, growth: 0.0 }
     }
 }
 

@@ -132,7 +132,7 @@ pub fn bounds(world: &mut World, out: &mut [StiffnessBound]) {
 /// The stiffness of the records that touch or soon will, by row: what contacts do to the time step now.
 ///
 /// Many records of a node are near, few touch at a time, and the step may follow those. One spring alone that is hit
-/// within a step or two must be resolved better than stability asks for, or the hit makes energy; [`ALONE`].
+/// within a step or two must be resolved better than stability asks for, or the hit makes energy: it counts more than once.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Burden {
     /// Row that stands for each row: that of the node for its periodic copies.

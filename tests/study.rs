@@ -344,7 +344,7 @@ fn mistakes_are_named_with_their_place() {
         ),
         (
             "(scene: \"strip.ron\", rows: [(label: \"a\")], outcome: [(name: \"tip\")])",
-            "s.ron:1:44: outcome: unknown field `outcome` of study\n  help: did you mean `outcomes`? valid fields: `title`, `scene`, `set`, `axes`, `rows`, `reference`, `replicates`, `outcomes`, `published`, `convergence`, `max_parallel`",
+            "s.ron:1:44: outcome: unknown field `outcome` of study\n  help: did you mean `outcomes`? valid fields: `title`, `scene`, `set`, `axes`, `rows`, `reference`, `replicates`, `outcomes`, `published`, `convergence`, `max_parallel`, `pictures`, `assumptions`",
         ),
         ("(rows: [(label: \"a\")])", "s.ron:1:1: field `outcomes` of study is missing"),
         (
@@ -451,7 +451,7 @@ fn the_studies_of_the_project_are_sound() {
         assert!(plan.rows.iter().any(|r| r.reference.is_some()), "{path:?}");
     }
     names.sort();
-    assert_eq!(names, ["cantilever", "convergence", "filaments", "friction", "load", "mesh", "paper"]);
+    assert_eq!(names, ["cantilever", "convergence", "damping", "filaments", "friction", "load", "mesh", "paper", "pattern"]);
 }
 
 #[test]

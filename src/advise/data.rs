@@ -65,11 +65,13 @@ pub enum DataError {
 }
 
 /// Paths of a scene that make a model, and the unit of their numbers by powers of force and length.
-const MODEL: [(&str, [i32; 2]); 6] = [
+const MODEL: [(&str, [i32; 2]); 8] = [
     ("tow.model", [0, 0]),
     ("tow.bending", [0, 0]),
     ("tow.filaments", [0, 0]),
     ("tow.elements", [0, 0]),
+    ("tow.spread", [0, 0]),
+    ("contact.initial_overlap", [0, 0]),
     ("contact.stiffness", [1, -1]),
     ("contact.hardening", [0, 0]),
 ];

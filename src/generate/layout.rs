@@ -38,6 +38,8 @@ pub struct BraidLayout {
     pub radii: Radii,
     /// Largest distance of a filament's surface from the centre line of its tow (length).
     pub outer_radius: f64,
+    /// Radius of the filaments to whose surface thickness is counted (length).
+    pub surface_radius: f64,
     /// Mass of all filaments in the cell (mass).
     pub mass: f64,
     /// Bending stiffness EI of one tow, its filaments added up (force x length^2).

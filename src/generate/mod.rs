@@ -29,7 +29,7 @@ pub use layout::{BraidLayout, TowLayout};
 pub use packing::{Packing, outer_distance};
 pub use polyline::{PolylineSpec, polyline};
 pub use strand::{StrandSpec, strand};
-pub use tow::{Bending, FilamentModel, Natural, Radii, TowSpec};
+pub use tow::{Bending, FilamentModel, Natural, Radii, Spread, TowSpec};
 
 use crate::components::NodeId;
 use crate::registry::{Build, Registry, SpecError};
@@ -73,7 +73,7 @@ pub fn braid(spec: &BraidSpec, tow: &TowSpec, seed: u64, registry: &Registry, bu
     if geometry.radius - geometry.undulation <= outer_radius {
         return Err(SpecError::new("braid.radius", format!("radius {} leaves no room for tows of radius {outer_radius}", geometry.radius)));
     }
-    let sites = tow.packing.sites(tow.filaments, 2.0 * radii.contact * tow.gap);
+    let sites = tow.sites();
     let h = geometry.cell_length();
     let first_tow = next_tow(build);
     let tow_index = |id: TowId| if id.plus { id.index } else { geometry.per_direction + id.index };
@@ -118,6 +118,7 @@ pub fn braid(spec: &BraidSpec, tow: &TowSpec, seed: u64, registry: &Registry, bu
         elements: tow.elements,
         radii,
         outer_radius,
+        surface_radius: tow.surface_radius(),
         mass: laid.mass,
         bending_stiffness: match tow.model {
             FilamentModel::Trusses => 0.0,

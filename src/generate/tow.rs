@@ -12,10 +12,11 @@
 //! The fourth root makes the bending stiffnesses of the virtual filaments add up to those of the
 //! real ones, which is the limit of filaments that slide freely on each other.
 use super::chain::{Layer, Recipe};
-use super::packing::Packing;
+use super::packing::{Packing, outer_distance};
 use crate::model::{Material, NaturalShape, Section};
 use crate::registry::{Build, Registry, SpecError};
 use crate::scene::units::Length;
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 /// Which elements a filament is made of.
@@ -46,6 +47,21 @@ pub enum Bending {
     SumOfFilaments,
     /// A given radius.
     Radius(Length),
+}
+
+/// How far from each other the filaments of a tow start.
+///
+/// Filaments that lie outermost in a tow are the longest, fall slack where it lies flat, and bow off: they decide how
+/// thick a braid is. The centres of a few thick filaments, packed, do not reach as far out as those of the many that
+/// they stand for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Spread {
+    /// Packed: neighbours are `gap` diameters apart.
+    #[default]
+    Packed,
+    /// Spread until the outermost centres lie as far out as those of the real filaments, packed with the same gap.
+    /// What lies outermost then stands for real filaments, and thickness is counted to their surface.
+    Real,
 }
 
 /// The shape in which the filaments are free of stress.
@@ -96,6 +112,9 @@ pub struct TowSpec {
     /// Distance of neighbouring filaments over their diameter at the start (default 1.02).
     #[serde(default = "default_gap")]
     pub gap: f64,
+    /// Whether virtual filaments are packed like solid ones, or reach as far out as the real ones (default `Packed`).
+    #[serde(default)]
+    pub spread: Spread,
     /// Random shift of every node across the tow, as a fraction of the contact radius (default 0).
     #[serde(default)]
     pub perturbation: f64,
@@ -154,6 +173,7 @@ impl TowSpec {
             bending: None,
             packing: Packing::default(),
             gap: default_gap(),
+            spread: Spread::default(),
             perturbation: 0.0,
             natural: Natural::default(),
             contact_radius: None,
@@ -179,10 +199,29 @@ impl TowSpec {
         Radii { contact: self.contact_radius.map_or(packed, |r| r.0), axial, bending }
     }
 
+    /// Centres of the filaments in the plane normal to the tow (length).
+    pub fn sites(&self) -> Vec<DVec2> {
+        let packed = self.packing.sites(self.filaments, 2.0 * self.radii().contact * self.gap);
+        if self.spread == Spread::Packed {
+            return packed;
+        }
+        let real = outer_distance(&self.packing.sites(self.real_filaments, 2.0 * self.filament_radius.0 * self.gap));
+        // Never closer than packed: filaments would start inside each other.
+        let stretch = (real / outer_distance(&packed)).max(1.0);
+        packed.into_iter().map(|s| s * stretch).collect()
+    }
+
     /// Largest distance of a filament's surface from the centre line of the tow.
     pub fn outer_radius(&self) -> f64 {
-        let contact = self.radii().contact;
-        super::packing::outer_distance(&self.packing.sites(self.filaments, 2.0 * contact * self.gap)) + contact
+        outer_distance(&self.sites()) + self.radii().contact
+    }
+
+    /// Radius to whose surface thickness is counted: that of the filaments, of the real ones if those lie outermost.
+    pub fn surface_radius(&self) -> f64 {
+        match self.spread {
+            Spread::Packed => self.radii().contact,
+            Spread::Real => self.filament_radius.0,
+        }
     }
 
     /// Checks the numbers; errors name the field after `prefix`.
@@ -205,6 +244,9 @@ impl TowSpec {
         if !(self.gap >= 1.0 && self.gap.is_finite()) {
             return Err(SpecError::new(format!("{prefix}.gap"), format!("gap {} makes the filaments overlap at the start", self.gap))
                 .help("distance of neighbours over their diameter, at least 1; 1.02 is usual"));
+        }
+        if self.spread == Spread::Real && self.filaments < 2 {
+            return Err(SpecError::new(format!("{prefix}.spread"), "a single filament cannot be spread").help("`Packed`, or more filaments"));
         }
         if !(0.0..1.0).contains(&self.perturbation) {
             return Err(SpecError::new(format!("{prefix}.perturbation"), format!("perturbation {} is not in [0, 1)", self.perturbation))
@@ -305,6 +347,22 @@ mod tests {
         let tow = TowSpec::new(2.5, "glass");
         let r = tow.radii().contact;
         assert!((tow.outer_radius() - r * (1.0 + 2.0 * 1.02)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn spread_filaments_reach_as_far_out_as_the_real_ones() {
+        let tow = |filaments, spread| TowSpec { filaments, spread, ..TowSpec::new(2.5, "glass") };
+        let real = outer_distance(&tow(100, Spread::Packed).sites());
+        for filaments in [7, 19, 37, 61, 91] {
+            let (packed, spread) = (tow(filaments, Spread::Packed), tow(filaments, Spread::Real));
+            assert!((outer_distance(&spread.sites()) / real - 1.0).abs() < 1e-12, "{filaments}");
+            assert!(outer_distance(&packed.sites()) < real, "{filaments}");
+            assert_eq!((packed.surface_radius(), spread.surface_radius()), (packed.radii().contact, 2.5));
+        }
+        // A hundred filaments are the real ones; more than that stay packed rather than start inside each other.
+        assert_eq!(tow(100, Spread::Real).sites(), tow(100, Spread::Packed).sites());
+        assert_eq!(tow(127, Spread::Real).sites(), tow(127, Spread::Packed).sites());
+        assert!(tow(1, Spread::Real).check("tow").unwrap_err().to_string().contains("single filament"));
     }
 
     #[test]

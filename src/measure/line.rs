@@ -45,7 +45,7 @@ pub fn initial_traces(model: &Model) -> Vec<Trace> {
 pub struct TowLine {
     /// Filaments: 3 x elements + 1 points each.
     pub filaments: Vec<Vec<DVec3>>,
-    /// Contact radius of the filaments (length).
+    /// Radius of the filaments, to whose surface thickness is counted (length).
     pub radius: f64,
     /// Mean of the filaments, point by point.
     pub centre: Vec<DVec3>,
@@ -77,7 +77,7 @@ impl TowLine {
                 line
             })
             .collect();
-        let line = TowLine::new(filaments, traces[own.filaments.start].radius);
+        let line = TowLine::new(filaments, layout.surface_radius);
         TowLine { start: traces[own.filaments.start].points.len() - 1, ..line }
     }
 }

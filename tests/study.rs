@@ -256,12 +256,82 @@ fn a_stopped_study_keeps_its_rows_and_goes_on_later() {
 }
 
 #[test]
+fn a_row_that_was_stopped_goes_on_from_its_checkpoint() {
+    let dir = folder();
+    let long = "(scene: \"strip.ron\", rows: [(label: \"long\", set: {\"stop.time\": \"400 ms\"})], outcomes: [(name: \"tip\")])";
+    let plan = plan(dir.path(), long);
+    let row = dir.path().join("r/rows/long");
+    let perform = |existing, stop: &(dyn Fn() -> bool + Sync)| {
+        let options = options(dir.path(), existing);
+        let claim = study::claim(&plan, &options).unwrap();
+        study::perform(&plan, &options, &claim, stop, &mut |_| ()).unwrap()
+    };
+    // Stopped as soon as it tells how far it is.
+    let done = perform(Existing::Refuse, &|| row.join("status.json").exists());
+    assert_eq!((done.missing, done.failed), (1, 0));
+    assert_eq!(json(&row.join("row.json"))["status"], "running");
+    assert!(row.join("checkpoints").read_dir().unwrap().next().is_some(), "it was given the time to write one");
+    // A run from the start would remove the folder.
+    std::fs::write(row.join("notes.txt"), "mine").unwrap();
+    let done = perform(Existing::Resume, &|| false);
+    assert_eq!((done.missing, done.failed), (0, 0));
+    assert!(row.join("notes.txt").exists());
+    let (code, _, err) = program(dir.path(), &["strip.ron", "--set", "stop.time=400 ms", "--out", "whole", "--quiet"]);
+    assert_eq!(code, 0, "{err}");
+    let (broken, whole) = (json(&row.join("summary.json")), json(&dir.path().join("whole/summary.json")));
+    assert_eq!((&broken["state_hash"], &broken["steps"]), (&whole["state_hash"], &whole["steps"]));
+}
+
+#[test]
 fn a_folder_with_rows_of_something_else_is_left_alone() {
     let dir = folder();
     std::fs::create_dir_all(dir.path().join("r/rows/2-10_mN")).unwrap();
     for existing in [Existing::Refuse, Existing::Resume, Existing::MoveAside] {
         let error = study::claim(&plan(dir.path(), STUDY), &options(dir.path(), existing)).unwrap_err();
         assert!(error.to_string().contains("already holds"), "{error}");
+    }
+}
+
+#[test]
+fn the_uncertainty_of_a_row_adds_up_from_those_beside_it() {
+    let dir = folder();
+    let study = "(scene: \"strip.ron\", outcomes: [(name: \"tip\")], rows: [(label: \"a\"), (label: \"half\"), (label: \"twice\"), (label: \"seed\")],
+        uncertainty: (base: [\"a\"], parts: [(name: \"places\", by: Places), (name: \"penalty\", rows: [[\"half\"], [\"twice\"]]),
+            (name: \"seeds\", by: Scatter, rows: [[\"seed\"]])]))";
+    let plan = plan(dir.path(), study);
+    let run = |i: usize, value: f64| ended(&plan, i, 1.0, &[("tip", value, Some(0.3))]);
+    let all = [run(0, 4.0), run(1, 4.1), run(2, 3.6), run(3, 4.02)];
+    let found = &study::results(&plan, &all).uncertainty[0];
+    // Two values 0.02 apart: s = 0.02 / sqrt 2, n = 2, Student's quantile 12.7062047.
+    let wanted = [0.3, 0.4, 12.7062047 * 0.01];
+    for (part, wanted) in found.parts.iter().zip(wanted) {
+        assert!((part.half_width.unwrap() - wanted).abs() < 1e-7, "{part:?}");
+    }
+    assert!((found.combined.unwrap() - wanted.iter().map(|w| w * w).sum::<f64>().sqrt()).abs() < 1e-7 && found.complete);
+    // What has not been run is not known, and the sum no more than a bound.
+    let found = study::results(&plan, &[run(0, 4.0), run(1, 4.1), None, run(3, 4.0)]);
+    let text = study::uncertainty_table(&found);
+    assert_eq!(text, "uncertainty of tip: at least 7.50 % (places 7.50 %, penalty not known, seeds 0.00 %)");
+    assert!(!found.uncertainty[0].complete);
+}
+
+#[test]
+fn what_is_not_known_of_the_reference_is_told() {
+    let dir = folder();
+    let text = STUDY.replace("reference: [\"4\", \"*\"]", "reference: [\"as it is\"], reference_uncertainty: {\"tip\": \"60 %\"}");
+    std::fs::write(dir.path().join("steps.ron"), text).unwrap();
+    let (code, _, err) = program(dir.path(), &["study", "steps.ron"]);
+    assert_eq!(code, 0, "{err}");
+    let all = json(&dir.path().join("results/steps/study.json"));
+    let tip = &all["results"]["rows"][0]["outcomes"][0];
+    let size = all["results"]["rows"][4]["outcomes"][0]["value"].as_f64().unwrap();
+    let difference = tip["value"].as_f64().unwrap() - size;
+    assert_eq!(tip["within"], difference.abs() <= 0.6 * size.abs());
+    assert!((tip["error_ci95"].as_f64().unwrap() - 0.6).abs() < 1e-12);
+    assert_eq!(all["outcomes"][0]["reference_uncertainty"], 0.6);
+    let page = std::fs::read_to_string(dir.path().join("results/steps/report.html")).unwrap();
+    for part in ["What is not known of the reference adds up to 60.0 %", "Error against elements", "The scenes"] {
+        assert!(page.contains(part), "{part} is missing");
     }
 }
 
@@ -344,7 +414,7 @@ fn mistakes_are_named_with_their_place() {
         ),
         (
             "(scene: \"strip.ron\", rows: [(label: \"a\")], outcome: [(name: \"tip\")])",
-            "s.ron:1:44: outcome: unknown field `outcome` of study\n  help: did you mean `outcomes`? valid fields: `title`, `scene`, `set`, `axes`, `rows`, `reference`, `replicates`, `outcomes`, `published`, `convergence`, `max_parallel`, `pictures`, `assumptions`",
+            "s.ron:1:44: outcome: unknown field `outcome` of study\n  help: did you mean `outcomes`? valid fields: `title`, `scene`, `set`, `axes`, `rows`, `reference`, `replicates`, `outcomes`, `published`, `convergence`, `uncertainty`, `reference_uncertainty`, `max_parallel`, `pictures`, `assumptions`",
         ),
         ("(rows: [(label: \"a\")])", "s.ron:1:1: field `outcomes` of study is missing"),
         (
@@ -403,6 +473,14 @@ fn mistakes_are_named_with_their_place() {
             "(scene: \"strip.ron\", outcomes: [(name: \"tip\")], rows: [(label: \"a\")], published: [(row: [\"a\"], source: \"b\", wall: \"3 mm\")])",
             "s.ron:1:115: published[0].wall: `mm` is not a unit of a time; write for example \"10 ms\"",
         ),
+        (
+            "(scene: \"strip.ron\", outcomes: [(name: \"tip\")], rows: [(label: \"a\")], uncertainty: (base: [\"b\"], parts: [(name: \"mesh\")]))",
+            "s.ron:1:92: uncertainty.base[0]: unknown row `b`\n  help: did you mean `a`? known: `a`\ns.ron:1:106: uncertainty.parts[0]: part `mesh` has no rows to be found from",
+        ),
+        (
+            "(scene: \"strip.ron\", outcomes: [(name: \"tip\")], rows: [(label: \"a\")], reference_uncertainty: {\"tp\": \"1 %\"})",
+            "s.ron:1:101: reference_uncertainty.tp: unknown outcome `tp`\n  help: did you mean `tip`? known: `tip`",
+        ),
     ];
     let mut wrong = Vec::new();
     for (text, message) in said {
@@ -441,7 +519,7 @@ fn the_studies_of_the_project_are_sound() {
         names.push(file.name());
         // Small models: the paths are what is looked at.
         if file.name() != "cantilever" {
-            let small = [("tow.filaments", "1"), ("tow.elements", "6")].map(|(p, v)| (p.to_owned(), v.to_owned()));
+            let small = [("tow.filaments", "3"), ("tow.elements", "6")].map(|(p, v)| (p.to_owned(), v.to_owned()));
             let last = file.study.axes.last_mut().map_or(Vec::new(), |a| a.points.iter_mut().map(|p| &mut p.set).collect());
             for set in last.into_iter().chain(file.study.rows.iter_mut().map(|r| &mut r.set)) {
                 set.0.extend(small.clone());
@@ -451,7 +529,7 @@ fn the_studies_of_the_project_are_sound() {
         assert!(plan.rows.iter().any(|r| r.reference.is_some()), "{path:?}");
     }
     names.sort();
-    assert_eq!(names, ["cantilever", "convergence", "damping", "filaments", "friction", "load", "mesh", "paper", "pattern"]);
+    assert_eq!(names, ["cantilever", "convergence", "damping", "filaments", "friction", "load", "mesh", "paper", "pattern", "reference", "thickness"]);
 }
 
 #[test]

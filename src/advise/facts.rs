@@ -1,6 +1,5 @@
 //! What a study has covered, and where a scene lies outside.
 use crate::scene::LoadedScene;
-use crate::scene::spans::{Path, tree};
 use serde::{Deserialize, Serialize};
 
 /// Something that all rows of a study share.
@@ -35,14 +34,11 @@ const SAME: f64 = 1e-3;
 
 /// The value at `path` of the effective scene: a word, or a number in SI units.
 pub(super) fn value(scene: &LoadedScene, path: &str, powers: [i32; 3]) -> Option<String> {
-    let text = scene.resolved();
-    let tree = tree(&text);
-    let found = tree.root.as_ref()?.find(&Path::parse(path)?)?;
-    let word = text[found.span.clone()].trim();
+    let word = scene.word(path)?;
     match word.parse::<f64>() {
         Ok(number) => Some((number * scene.scene.units.si(powers)?).to_string()),
         // The kind of a shape is its name; what is in the brackets has facts of its own.
-        Err(_) => Some(word.split('(').next().unwrap_or(word).trim().to_owned()),
+        Err(_) => Some(word.split('(').next().unwrap_or(&word).trim().to_owned()),
     }
 }
 

@@ -177,6 +177,10 @@ impl<'a> Progress<'a> {
 /// The table at the end.
 fn print(plan: &Plan, done: &Done, options: &Options) {
     out(&study::table(plan, &done.results));
+    let uncertainty = study::uncertainty_table(&done.results);
+    if !uncertainty.is_empty() {
+        out(&uncertainty);
+    }
     out(&format!("report: {}", options.folder.join("report.html").display()));
 }
 

@@ -246,7 +246,9 @@ impl TowSpec {
                 .help("distance of neighbours over their diameter, at least 1; 1.02 is usual"));
         }
         if self.spread == Spread::Real && self.filaments < 2 {
-            return Err(SpecError::new(format!("{prefix}.spread"), "a single filament cannot be spread").help("`Packed`, or more filaments"));
+            return Err(
+                SpecError::new(format!("{prefix}.spread"), "a single filament cannot be spread").help("`Packed`, or more filaments")
+            );
         }
         if !(0.0..1.0).contains(&self.perturbation) {
             return Err(SpecError::new(format!("{prefix}.perturbation"), format!("perturbation {} is not in [0, 1)", self.perturbation))

@@ -6,12 +6,13 @@ use super::StudyError;
 use super::plan::{Plan, Run};
 use super::record::{self, Ended, Record, Status};
 use crate::output::OutputError;
+use crate::output::control;
 use crate::output::file::{claim_folder, lock};
 use crate::output::summary::Summary;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
@@ -56,6 +57,9 @@ pub enum Event<'a> {
 const LOOK: Duration = Duration::from_millis(20);
 /// Time between two events at least.
 const BEAT: Duration = Duration::from_millis(500);
+
+/// Time that a run has to write its checkpoint when the study is stopped.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Exit codes of a run that was stopped.
 const STOPPED: [i32; 2] = [75, 130];
@@ -184,22 +188,28 @@ pub fn execute(
     Ok(ended)
 }
 
-/// Makes one run; none if it was stopped.
+/// Makes one run, from its last checkpoint if it was begun before; none if it was stopped.
 fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -> bool) -> Result<Option<Ended>, StudyError> {
     let folder = options.folder.join(&run.folder);
-    if folder.exists() {
-        std::fs::remove_dir_all(&folder).map_err(|e| OutputError::io("remove the unfinished run in", &folder, e))?;
-    }
-    std::fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
-    let log = folder.join("log.txt");
-    let file = File::create(&log).map_err(|e| OutputError::io("write", &log, e))?;
+    let record = Record { jobs: options.jobs, ..Record::of(plan, run, build) };
     // Whole paths cannot be taken for options or commands.
     let whole = |p: &Path| std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
     let mut command = Command::new(&options.program);
-    command.arg(whole(&plan.rows[run.row].scene));
-    command.args(plan.sets(run).iter().map(|(path, value)| format!("--set={path}={value}")));
-    command.arg("--out").arg(whole(&folder)).args(["--quiet", "--threads", "1"]);
-    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
+    if record::unfinished(&folder, &record)? {
+        command.arg("resume").arg(whole(&folder));
+    } else {
+        if folder.exists() {
+            std::fs::remove_dir_all(&folder).map_err(|e| OutputError::io("remove the unfinished run in", &folder, e))?;
+        }
+        std::fs::create_dir_all(&folder).map_err(|e| OutputError::io("create the folder", &folder, e))?;
+        record.write(&folder)?;
+        command.arg(whole(&plan.rows[run.row].scene));
+        command.args(plan.sets(run).iter().map(|(path, value)| format!("--set={path}={value}")));
+        command.arg("--out").arg(whole(&folder));
+    }
+    let log = folder.join("log.txt");
+    let file = File::create(&log).map_err(|e| OutputError::io("write", &log, e))?;
+    command.args(["--quiet", "--threads", "1"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
     let begin = Instant::now();
     let start = |e| StudyError::Start { program: options.program.clone(), source: e };
     let mut child = command.spawn().map_err(start)?;
@@ -208,9 +218,7 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
             break status;
         }
         if stop() {
-            // It may have ended by itself; both ways it is gone after the wait.
-            let _ = child.kill();
-            let _ = child.wait();
+            end(&mut child, &folder);
             return Ok(None);
         }
         std::thread::sleep(LOOK);
@@ -220,7 +228,7 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
         return Ok(None);
     }
     let (exit_code, process_s) = (status.code(), begin.elapsed().as_secs_f64());
-    let mut record = Record { exit_code, process_s, jobs: options.jobs, ..Record::of(plan, run, build) };
+    let mut record = Record { status: Status::Failed, exit_code, process_s, ..record };
     let summary =
         if status.success() { Summary::read(&folder).map_err(|e| e.to_string()) } else { Err(message(&log, &status.to_string())) };
     let summary = match summary {
@@ -235,6 +243,19 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
     };
     record.write(&folder)?;
     Ok(Some(Ended { record, summary }))
+}
+
+/// Ends a run: with a checkpoint, or at once if it does not listen.
+fn end(child: &mut Child, folder: &Path) {
+    // A command that cannot be written is one that is not heard.
+    let _ = control::Command::Stop.send(folder);
+    let asked = Instant::now();
+    while asked.elapsed() < PATIENCE && matches!(child.try_wait(), Ok(None)) {
+        std::thread::sleep(LOOK);
+    }
+    // It may have ended by itself; both ways it is gone after the wait.
+    let _ = child.kill();
+    let _ = child.wait();
 }
 
 /// Longest message that is kept (characters).

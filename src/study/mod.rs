@@ -8,9 +8,9 @@
 //! | one process per run, several at a time | `execute.rs` |
 //! | `row.json`: what a run was made from, for `--resume` | `record.rs` |
 //! | remaining time | `eta.rs` |
-//! | values with intervals, errors, front of time and error, convergence | `results.rs`, `convergence.rs` |
+//! | values with intervals, errors, front of time and error, convergence, uncertainty | `results.rs`, `convergence.rs`, `uncertainty.rs` |
 //! | `study.json`, `study.csv` | `tables.rs` |
-//! | pictures of the rows for the report | `gallery.rs` |
+//! | pictures of the rows for the report, what their scenes share and differ in | `gallery.rs`, `facts.rs` |
 //! | plots and `report.html` | `chart.rs`, `scatter.rs`, `plots.rs`, `report.rs`, `text.rs` |
 //!
 //! A study knows scenes and summaries only: nothing of elements, contacts or steps.
@@ -19,6 +19,7 @@ pub mod convergence;
 mod draft;
 pub mod eta;
 mod execute;
+mod facts;
 mod gallery;
 mod plan;
 mod plots;
@@ -30,6 +31,7 @@ pub mod scatter;
 mod schema;
 mod tables;
 pub(crate) mod text;
+pub mod uncertainty;
 
 pub use execute::{Claim, Event, Existing, Options, claim, execute};
 pub use plan::{MAX_ROWS, Plan, Row, Run};
@@ -37,7 +39,7 @@ pub use read::{StudyFile, load, load_text};
 pub use record::{Ended, Record, Status};
 pub use results::{Results, results};
 pub use schema::*;
-pub use tables::{Machine, State, table};
+pub use tables::{Machine, State, table, uncertainty_table};
 
 use crate::output::OutputError;
 use std::path::PathBuf;

@@ -1,5 +1,6 @@
 //! From a study to its rows and runs: scenes, changes, folders, references, expected cost.
 use super::draft::{Draft, drafts, names};
+use super::facts::facts;
 use super::read::{StudyFile, at, unknown};
 use crate::generate::BraidLayout;
 use crate::model::Model;
@@ -33,6 +34,8 @@ pub struct Row {
     pub reference: Option<usize>,
     /// Expected element-steps, where they can be told.
     pub cost: Option<f64>,
+    /// What a reader asks first about its scene: name and value.
+    pub facts: Vec<(&'static str, String)>,
 }
 
 impl Row {
@@ -145,6 +148,7 @@ fn row(file: &StudyFile, draft: &Draft, name: String, plugins: &impl Plugin) -> 
         sets,
         reference: None,
         cost: cost(&loaded.model, sim),
+        facts: facts(&loaded),
     };
     Ok((row, units(&loaded)))
 }

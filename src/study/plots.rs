@@ -2,12 +2,12 @@
 use super::StudyError;
 use super::chart::{Mark, RowChart};
 use super::plan::Plan;
-use super::results::{Results, RowResult, Value};
+use super::results::{Results, RowResult, Value, reference_floor, reference_half_width};
 use super::scatter::{Point, Scatter};
 use super::schema::{ErrorSpec, PublishedSpec};
 use crate::output::OutputError;
 use crate::output::file::write_atomic;
-use crate::output::plot::{Axis, Plot, Series, panels};
+use crate::output::plot::{Axis, Plot, Series, line_plot, panels};
 use std::path::Path;
 
 /// Width of the diagrams in pixels.
@@ -80,7 +80,7 @@ impl Charts<'_> {
     fn band(&self, row: &RowResult, k: usize) -> Option<(f64, f64)> {
         let name = if row.is_reference { &row.name } else { row.reference.as_ref()? };
         let v: &Value = &self.results.rows.iter().find(|r| r.name == *name)?.outcomes[k];
-        let half = v.ci95.unwrap_or(0.0);
+        let half = reference_half_width(&self.plan.file.study, v).unwrap_or(0.0);
         v.value.map(|v| (v - half, v + half))
     }
 }
@@ -101,6 +101,7 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
             let mark = |r: &RowResult| Mark {
                 value: r.outcomes[k].error.map(|e| 100.0 * e),
                 half_width: r.outcomes[k].error_ci95.filter(|_| r.outcomes[k].error.is_some()).map(|e| 100.0 * e),
+                band: plan.file.study.reference_uncertainty.get(&o.name).map(|u| (0.0, 100.0 * u.0)),
                 ..Mark::default()
             };
             let other = |p: &PublishedSpec| p.errors.get(&o.name).map(|e| (100.0 * e.0, None));
@@ -109,7 +110,8 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
         }
     }
     if compared {
-        let mark = |r: &RowResult| Mark { value: r.cumulated.map(|e| 100.0 * e), ..Mark::default() };
+        let band = reference_floor(&plan.file.study).map(|f| (0.0, 100.0 * f));
+        let mark = |r: &RowResult| Mark { value: r.cumulated.map(|e| 100.0 * e), band, ..Mark::default() };
         let other = |p: &PublishedSpec| p.cumulated.map(|e| (100.0 * e.0, None));
         add("cumulated_error".into(), c.chart("Cumulated error", Axis::linear("sum of the errors [%]"), true, mark, other));
     }
@@ -117,7 +119,10 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
     let other = |p: &PublishedSpec| p.wall.map(|w| (w.0, None));
     add("wall_time".into(), c.chart("Calculation time", Axis::log("wall time [s]"), true, mark, other));
     if compared {
-        add("error_over_time".into(), error_over_time(results));
+        add("error_over_time".into(), error_over_time(plan, results));
+        if let Some((axis, svg)) = error_over_axis(plan, results) {
+            add(format!("error_over_{}", file_name(&axis)), svg);
+        }
     }
     if !results.convergence.is_empty() {
         add("convergence".into(), convergence(plan, results));
@@ -125,7 +130,7 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
     all
 }
 
-fn error_over_time(results: &Results) -> String {
+fn error_over_time(plan: &Plan, results: &Results) -> String {
     let point = |r: &RowResult| Some(Point { label: r.label(), at: (r.wall_s?, 100.0 * r.cumulated?), front: r.front });
     let lines = results.rows.iter().filter(|r| r.is_reference && r.cumulated.is_none()).filter_map(|r| Some((r.label(), r.wall_s?)));
     let scatter = Scatter {
@@ -134,8 +139,35 @@ fn error_over_time(results: &Results) -> String {
         y: Axis::log("cumulated error [%]"),
         points: results.rows.iter().filter_map(point).collect(),
         lines: lines.collect(),
+        floor: reference_floor(&plan.file.study).map(|f| 100.0 * f),
     };
     scatter.svg((WIDTH, 480))
+}
+
+/// Cumulated error along the axis of convergence, with the name of the axis; none unless its labels are numbers.
+fn error_over_axis(plan: &Plan, results: &Results) -> Option<(String, String)> {
+    let study = &plan.file.study;
+    let axis = study.axes.iter().position(|a| Some(&a.name) == study.convergence.as_ref())?;
+    let mut series: Vec<Series> = Vec::new();
+    for row in &results.rows[..plan.product] {
+        let others: Vec<&str> = row.labels.iter().enumerate().filter(|(i, _)| *i != axis).map(|(_, l)| l.as_str()).collect();
+        let (label, at) = (others.join(", "), row.labels[axis].trim().parse::<f64>().ok().filter(|v| *v > 0.0)?);
+        let Some(error) = row.cumulated else { continue };
+        match series.iter_mut().find(|s| s.label == label) {
+            Some(s) => s.points.push((at, 100.0 * error)),
+            None => series.push(Series::dots(label, vec![(at, 100.0 * error)])),
+        }
+    }
+    let ends = series.iter().flat_map(|s| &s.points).fold((f64::INFINITY, 0.0f64), |(a, b), p| (a.min(p.0), b.max(p.0)));
+    if ends.0 >= ends.1 {
+        return None;
+    }
+    if let Some(floor) = reference_floor(study) {
+        series.push(Series::line("not known of the reference", vec![(ends.0, 100.0 * floor), (ends.1, 100.0 * floor)]));
+    }
+    let name = study.axes[axis].name.clone();
+    let plot = Plot { title: format!("Error against {name}"), x: Axis::log(name.clone()), y: Axis::log("cumulated error [%]"), series };
+    Some((name, line_plot(&plot, (WIDTH, 420))))
 }
 
 /// Changes along the axis, a diagram per outcome.

@@ -1,5 +1,5 @@
 //! From a file to a [`Study`]: text, schema, what can be said without its scenes.
-use super::schema::Study;
+use super::schema::{PartBy, Study, UncertaintySpec};
 use crate::registry::nearest;
 use crate::scene::error::{Category, Problem, SceneErrors, from_ron};
 use crate::scene::ron_options;
@@ -175,6 +175,15 @@ fn check(study: &Study) -> Vec<Problem> {
         check_labels(study, at("reference"), labels, true, &mut problems);
     }
     let names: Vec<&str> = study.outcomes.iter().map(|o| o.name.as_str()).collect();
+    problems.extend(study.uncertainty.iter().flat_map(|u| check_uncertainty(study, u)));
+    for (name, ratio) in &study.reference_uncertainty {
+        let path = at("reference_uncertainty").key(name);
+        if !names.contains(&name.as_str()) {
+            problems.push(unknown(path, "outcome", name, &names));
+        } else if !(ratio.0.is_finite() && ratio.0 >= 0.0) {
+            problems.push(Problem::new(path, format!("an uncertainty must not be negative, and this is {}", ratio.0)));
+        }
+    }
     for (i, p) in study.published.iter().enumerate() {
         let path = at("published").index(i);
         check_labels(study, path.key("row"), &p.row, false, &mut problems);
@@ -182,6 +191,31 @@ fn check(study: &Study) -> Vec<Problem> {
             if !names.contains(&name.as_str()) {
                 problems.push(unknown(path.key(key).key(name), "outcome", name, &names));
             }
+        }
+    }
+    problems
+}
+
+/// What is wrong with the parts of an uncertainty.
+fn check_uncertainty(study: &Study, u: &UncertaintySpec) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    let path = at("uncertainty");
+    check_labels(study, path.key("base"), &u.base, false, &mut problems);
+    let part = |i: usize| path.key("parts").index(i);
+    named_once(u.parts.iter().enumerate().map(|(i, p)| (part(i).key("name"), p.name.as_str())), "part", &mut problems);
+    if u.parts.is_empty() {
+        problems.push(
+            Problem::new(path.key("parts"), "the uncertainty has no parts").help("for example (name: \"mesh\", rows: [[\"61 elements\"]])"),
+        );
+    }
+    for (i, p) in u.parts.iter().enumerate() {
+        if p.rows.is_empty() && p.by != PartBy::Places {
+            problems.push(Problem::new(part(i), format!("part `{}` has no rows to be found from", p.name)));
+        } else if p.by == PartBy::Places && !p.rows.is_empty() {
+            problems.push(Problem::new(part(i).key("rows"), "the places are those of the base: this part has no rows of its own"));
+        }
+        for (j, labels) in p.rows.iter().enumerate() {
+            check_labels(study, part(i).key("rows").index(j), labels, false, &mut problems);
         }
     }
     problems

@@ -1,5 +1,5 @@
-//! `row.json`: what a run of a study was made from and how it ended. It is written last, so a folder
-//! without one is of a run that did not end, and is run again.
+//! `row.json`: what a run of a study was made from and how it ended. It is written when the run begins,
+//! and again when it has ended: one that says `running` is of a run that did not end, and can be gone on with.
 use super::StudyError;
 use super::plan::{Plan, Run};
 use crate::output::file::{json, write_atomic};
@@ -11,6 +11,8 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
+    /// Not at all: it is under way, or was stopped.
+    Running,
     /// With a summary.
     Finished,
     /// With a message.
@@ -48,13 +50,13 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a run that is yet to be made by the program with the fingerprint `build`.
+    /// The record of a run that begins, by the program with the fingerprint `build`.
     pub fn of(plan: &Plan, run: &Run, build: &str) -> Self {
         let row = &plan.rows[run.row];
         Record {
             row: row.label(),
             seed: run.seed,
-            status: Status::Failed,
+            status: Status::Running,
             message: String::new(),
             exit_code: None,
             scene: row.scene.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned()),
@@ -119,13 +121,29 @@ pub struct Ended {
 /// # Errors
 /// A record that cannot be read.
 pub fn read(folder: &Path) -> Result<Option<Ended>, StudyError> {
+    let Some(record) = read_record(folder)?.filter(|r| r.status != Status::Running) else { return Ok(None) };
+    let summary = if record.status == Status::Finished { Summary::read(folder).ok() } else { None };
+    Ok(Some(Ended { record, summary }))
+}
+
+/// True if `folder` holds a run that was begun as `now` would begin it, by the same build, and has a checkpoint.
+///
+/// # Errors
+/// A record that cannot be read.
+pub fn unfinished(folder: &Path, now: &Record) -> Result<bool, StudyError> {
+    // Without an exit code it was ended from outside.
+    let open = |r: &Record| r.status == Status::Running || r.status == Status::Failed && r.exit_code.is_none();
+    let same = |r: &Record| open(r) && r.build == now.build && r.changes(now).is_empty();
+    let checkpoints = || std::fs::read_dir(folder.join("checkpoints")).is_ok_and(|mut files| files.next().is_some());
+    Ok(read_record(folder)?.is_some_and(|r| same(&r)) && checkpoints())
+}
+
+fn read_record(folder: &Path) -> Result<Option<Record>, StudyError> {
     let path = folder.join("row.json");
     if !path.exists() {
         return Ok(None);
     }
     let broken = |message: String| StudyError::Record { path: path.clone(), message };
     let text = std::fs::read_to_string(&path).map_err(|e| broken(e.to_string()))?;
-    let record: Record = serde_json::from_str(&text).map_err(|e| broken(e.to_string()))?;
-    let summary = if record.status == Status::Finished { Summary::read(folder).ok() } else { None };
-    Ok(Some(Ended { record, summary }))
+    serde_json::from_str(&text).map(Some).map_err(|e| broken(e.to_string()))
 }

@@ -1,9 +1,10 @@
 //! `report.html`: the whole study on one page that needs nothing else, on a screen or on paper.
 use super::StudyError;
+use super::facts;
 use super::gallery::gallery;
 use super::plan::Plan;
 use super::plots::{Drawn, published};
-use super::results::{Results, RowResult, Value};
+use super::results::{Results, RowResult, Value, reference_floor};
 use super::schema::{ErrorSpec, PublishedSpec};
 use super::tables::{Machine, State};
 use super::text;
@@ -48,7 +49,9 @@ fn page(plan: &Plan, results: &Results, machine: &Machine, state: State, plots: 
     if !results.convergence.is_empty() {
         h += &convergence(results);
     }
+    h += &uncertain(results);
     h += &trust(results);
+    h += &facts::html(&plan.rows);
     h += &assumptions(plan);
     h += &machine_facts(results, machine);
     let _ = write!(h, "<h2>Study file</h2>\n<pre>{}</pre>\n{}", escape(&plan.file.text), page::END);
@@ -98,6 +101,7 @@ fn table(plan: &Plan, results: &Results) -> String {
     if compared {
         h += " Below them differences, relative to the reference (green rows); values in its interval are marked with •. \
               Nothing is better in both time and error than the rows with an orange error.";
+        h += &judged(plan, results);
     }
     let notes: Vec<String> = study.published.iter().filter(|p| !p.note.is_empty()).map(|p| escape(&p.note)).collect();
     let notes = if notes.is_empty() { String::new() } else { format!(" Numbers of others: {}.", notes.join("; ")) };
@@ -157,6 +161,38 @@ fn convergence(results: &Results) -> String {
          a given tolerance for outcomes without an interval.</p>\n"
 }
 
+fn uncertain(results: &Results) -> String {
+    let Some(first) = results.uncertainty.first() else { return String::new() };
+    let mut h = String::from("<h2>Uncertainty of the reference</h2>\n<div class=\"wide\"><table>\n<tr><th>outcome</th><th>value</th>");
+    for part in &first.parts {
+        let _ = write!(h, "<th>{}</th>", escape(&part.name));
+    }
+    h += "<th>combined</th></tr>\n";
+    for u in &results.uncertainty {
+        let _ = write!(h, "<tr><td>{} [{}]</td><td>{}</td>", escape(&u.outcome), escape(&u.unit), u.value.map_or("–".into(), number));
+        let cell = |half: Option<f64>| match (half, u.value.filter(|v| *v != 0.0)) {
+            (Some(h), Some(v)) => format!("± {}<br><small>{}</small>", number(h), percent(h / v.abs())),
+            (Some(h), None) => format!("± {}", number(h)),
+            (None, _) => "not known".into(),
+        };
+        for part in &u.parts {
+            let _ = write!(h, "<td>{}</td>", cell(part.half_width));
+        }
+        let least = if u.complete || u.combined.is_none() { "" } else { "at least " };
+        let _ = writeln!(h, "<td>{least}{}</td></tr>", cell(u.combined));
+    }
+    h + "</table></div>\n<p>Half widths: the largest difference of the rows of a contribution to the base, the 95 % interval of a mean over seeds, \
+         the 95 % interval over the places. Combined: the root of the sum of their squares.</p>\n"
+}
+
+/// What the reference can judge.
+fn judged(plan: &Plan, results: &Results) -> String {
+    let Some(floor) = reference_floor(&plan.file.study) else { return String::new() };
+    let below: Vec<String> = results.rows.iter().filter(|r| r.cumulated.is_some_and(|c| c <= floor)).map(|r| escape(&r.label())).collect();
+    let rows = if below.is_empty() { "none of the rows".to_owned() } else { format!("<b>{}</b>", below.join("; ")) };
+    format!(" What is not known of the reference adds up to {}: smaller errors cannot be told from none ({rows}).", percent(floor))
+}
+
 fn trust(results: &Results) -> String {
     let mut h = String::from(
         "<h2>How far the runs can be trusted</h2>\n<div class=\"wide\"><table>\n<tr><th>run</th><th class=\"text\">status</th>",
@@ -207,7 +243,9 @@ fn assumptions(plan: &Plan) -> String {
             ErrorSpec::Scaled(s) => format!("|a − a_ref| / {} {}", number(s), escape(&plan.units[&o.name])),
             ErrorSpec::None => "not counted".to_owned(),
         };
-        let _ = writeln!(h, "<li>Error of {}: {error}.</li>", escape(&o.name));
+        let known = study.reference_uncertainty.get(&o.name);
+        let known = known.map_or(String::new(), |u| format!("; not known of the reference: {}", percent(u.0)));
+        let _ = writeln!(h, "<li>Error of {}: {error}{known}.</li>", escape(&o.name));
     }
     h += "<li>The cumulated error is the sum of these errors.</li>\n";
     for a in &study.assumptions {

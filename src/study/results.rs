@@ -3,7 +3,8 @@
 use super::convergence::{Convergence, convergence};
 use super::plan::{Plan, Run};
 use super::record::{Ended, Record};
-use super::schema::ErrorSpec;
+use super::schema::{ErrorSpec, Study};
+use super::uncertainty::{Uncertainty, uncertainty};
 use crate::measure::Estimate;
 use crate::output::summary::{Quality, Summary};
 use serde::Serialize;
@@ -26,9 +27,10 @@ pub struct Value {
     pub difference: Option<f64>,
     /// Its magnitude, where the outcome has an error.
     pub error: Option<f64>,
-    /// Half width of the 95 % interval of the difference, both intervals taken as independent.
+    /// Half width of the 95 % interval of the difference: that of the value, and what is not known of the
+    /// reference, taken as independent.
     pub error_ci95: Option<f64>,
-    /// True if the value lies in the interval of the reference.
+    /// True if the value lies in the interval of the reference, or in what is not known of it.
     pub within: Option<bool>,
 }
 
@@ -115,6 +117,8 @@ pub struct Results {
     pub rows: Vec<RowResult>,
     /// Convergence along the axis that the study names.
     pub convergence: Vec<Convergence>,
+    /// Uncertainty of the row that the study names, by outcome.
+    pub uncertainty: Vec<Uncertainty>,
 }
 
 /// Compares the runs of a plan; `ended` in its order.
@@ -136,7 +140,8 @@ pub fn results(plan: &Plan, ended: &[Option<Ended>]) -> Results {
         row.front = front;
     }
     let convergence = convergence(&plan.file.study, &rows[..plan.product]);
-    Results { rows, convergence }
+    let uncertainty = uncertainty(&plan.file.study, &rows);
+    Results { rows, convergence, uncertainty }
 }
 
 fn row(plan: &Plan, index: usize, runs: &[(&Run, &Option<Ended>)]) -> RowResult {
@@ -224,20 +229,36 @@ fn compare(plan: &Plan, row: &mut RowResult, reference: &RowResult) {
             ErrorSpec::Scaled(size) => Some(size),
             ErrorSpec::Relative | ErrorSpec::None => r.value.map(f64::abs).filter(|s| *s > 0.0),
         };
-        let (value, size, at) = (v.value, size, r.value);
+        let (value, size, at, half) = (v.value, size, r.value, reference_half_width(&plan.file.study, r));
         v.difference = value.zip(at).zip(size).map(|((a, b), s)| (a - b) / s);
         if o.error != ErrorSpec::None {
             v.error = v.difference.map(f64::abs);
             sum = sum.zip(v.error).map(|(s, e)| s + e);
         }
-        if v.ci95.is_some() || r.ci95.is_some() {
-            let width = v.ci95.unwrap_or(0.0).hypot(r.ci95.unwrap_or(0.0));
+        if v.ci95.is_some() || half.is_some() {
+            let width = v.ci95.unwrap_or(0.0).hypot(half.unwrap_or(0.0));
             v.error_ci95 = v.difference.and(size).map(|s| width / s);
         }
-        v.within = value.zip(at).zip(r.ci95).map(|((a, b), c)| (a - b).abs() <= c);
+        v.within = value.zip(at).zip(half).map(|((a, b), c)| (a - b).abs() <= c);
     }
     let counted = plan.file.study.outcomes.iter().any(|o| o.error != ErrorSpec::None);
     row.cumulated = sum.filter(|_| counted);
+}
+
+/// Half width of what is not known of a value of the reference: given by the study, or the interval of its run.
+pub fn reference_half_width(study: &Study, v: &Value) -> Option<f64> {
+    match study.reference_uncertainty.get(&v.outcome) {
+        Some(ratio) => v.value.map(|value| ratio.0 * value.abs()),
+        None => v.ci95,
+    }
+}
+
+/// Error below which a row cannot be told from the reference: the sum of the given relative uncertainties of what is
+/// counted; none if one is not given.
+pub fn reference_floor(study: &Study) -> Option<f64> {
+    let counted = study.outcomes.iter().filter(|o| o.error == ErrorSpec::Relative);
+    let sum: Option<f64> = counted.map(|o| study.reference_uncertainty.get(&o.name).map(|r| r.0)).sum();
+    sum.filter(|s| *s > 0.0)
 }
 
 /// Which points no other one beats: none is at least as small in both numbers and smaller in one.

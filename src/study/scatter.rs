@@ -28,6 +28,8 @@ pub struct Scatter {
     pub points: Vec<Point>,
     /// Costs of references, which have no error: name and place.
     pub lines: Vec<(String, f64)>,
+    /// Error that cannot be told from none.
+    pub floor: Option<f64>,
 }
 
 /// Points above which only those of the front have names.
@@ -51,8 +53,14 @@ impl Scatter {
             self.points.iter().filter_map(|p| Some((p, (place(&self.x, p.at.0)?, place(&self.y, p.at.1)?)))).collect();
         let lines: Vec<(&str, f64)> = self.lines.iter().filter_map(|l| Some((l.0.as_str(), place(&self.x, l.1)?))).collect();
         let x = range(points.iter().map(|p| p.1.0).chain(lines.iter().map(|l| l.1)), self.x.log, 0.12);
-        let y = range(points.iter().map(|p| p.1.1), self.y.log, 0.12);
+        let floor = self.floor.and_then(|f| place(&self.y, f));
+        let y = range(points.iter().map(|p| p.1.1).chain(floor), self.y.log, 0.12);
         let mut chart = frame(area, &self.title, (&self.x, x), (&self.y, y));
+        if let Some(floor) = floor {
+            chart.draw_series([Rectangle::new([(x.0, y.0), (x.1, floor)], REFERENCE.mix(0.12).filled())]).expect(SVG);
+            let style = TextStyle::from(("sans-serif", 12).into_font()).pos(Pos::new(HPos::Left, VPos::Top)).color(&REFERENCE);
+            chart.draw_series([EmptyElement::at((x.0, floor)) + Text::new("not known of the reference", (6, 4), style)]).expect(SVG);
+        }
         // The front as steps: what error is had for at most this time.
         let mut front: Vec<(f64, f64)> = points.iter().filter(|p| p.0.front).map(|p| p.1).collect();
         front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -96,9 +104,10 @@ mod tests {
             point("zero", (1.0, 0.0), true),
         ];
         let lines = vec![("reference".to_owned(), 1000.0)];
-        let scatter = Scatter { title: String::new(), x: Axis::log("time [s]"), y: Axis::log("error [-]"), points, lines };
+        let scatter =
+            Scatter { title: String::new(), x: Axis::log("time [s]"), y: Axis::log("error [-]"), points, lines, floor: Some(0.07) };
         let svg = scatter.svg((600, 400));
-        for text in ["fast", "good", "bad", "reference"] {
+        for text in ["fast", "good", "bad", "reference", "not known of the reference"] {
             assert!(svg.contains(&format!("{text}\n")), "{text} is missing in\n{svg}");
         }
         assert!(!svg.contains("zero"), "a decadic axis has no place for it");

@@ -39,6 +39,12 @@ pub struct Study {
     /// Name of the axis along which convergence is judged.
     #[serde(default)]
     pub convergence: Option<String>,
+    /// What makes the value of a row uncertain, found from others.
+    #[serde(default)]
+    pub uncertainty: Option<UncertaintySpec>,
+    /// Half width of what is not known of the reference, over its value, by outcome; what a study with `uncertainty` has found.
+    #[serde(default)]
+    pub reference_uncertainty: BTreeMap<String, Ratio>,
     /// Most rows at a time, whatever the number of processors.
     #[serde(default)]
     pub max_parallel: Option<u16>,
@@ -80,6 +86,42 @@ pub struct EntrySpec {
 pub struct ReplicatesSpec {
     /// One seed per repetition. Must be given.
     pub seeds: Vec<u64>,
+}
+
+/// How uncertain the value of a row is.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UncertaintySpec {
+    /// Labels of the row. Must be given.
+    pub base: Vec<String>,
+    /// What contributes. Must be given.
+    pub parts: Vec<PartSpec>,
+}
+
+/// One contribution to an uncertainty.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartSpec {
+    /// Name. Must be given.
+    pub name: String,
+    /// How it is found. Default `Difference`.
+    #[serde(default)]
+    pub by: PartBy,
+    /// Labels of the rows it is found from; none for `Places`.
+    #[serde(default)]
+    pub rows: Vec<Vec<String>>,
+}
+
+/// How a contribution to an uncertainty is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+pub enum PartBy {
+    /// Largest difference of a row to the base.
+    #[default]
+    Difference,
+    /// Half width of the 95 % interval of the mean over base and rows, after Student.
+    Scatter,
+    /// Half width of the 95 % interval of the base over the places at which it is measured.
+    Places,
 }
 
 /// How a difference to the reference becomes an error.

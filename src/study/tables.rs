@@ -7,12 +7,13 @@
 //! | `machine` | see [`Machine`] |
 //! | `scene`, `sets`, `axes`, `reference`, `seeds` | what is common to the rows, and what they differ in |
 //! | `outcomes`, `published` | what is compared and how; numbers of others |
-//! | `results` | `rows` (see [`RowResult`]) and `convergence` |
+//! | `results` | `rows` (see [`RowResult`]), `convergence`, `uncertainty` |
 use super::StudyError;
 use super::plan::Plan;
 use super::results::{Results, RowResult};
 use super::schema::{ErrorSpec, PublishedValue};
-use super::text::{percent, seconds, signed_percent, with_interval};
+use super::text::{number, percent, seconds, signed_percent, with_interval};
+use super::uncertainty::Uncertainty;
 use crate::output::file::{json, write_atomic};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -68,6 +69,8 @@ struct Compared<'a> {
     unit: &'a str,
     error: ErrorSpec,
     tolerance: f64,
+    /// Half width of what is not known of the reference, over its value.
+    reference_uncertainty: Option<f64>,
 }
 
 /// Numbers of others.
@@ -117,7 +120,13 @@ pub(super) fn write(plan: &Plan, results: &Results, machine: &Machine, state: St
         outcomes: study
             .outcomes
             .iter()
-            .map(|o| Compared { name: &o.name, unit: &plan.units[&o.name], error: o.error, tolerance: o.tolerance.0 })
+            .map(|o| Compared {
+                name: &o.name,
+                unit: &plan.units[&o.name],
+                error: o.error,
+                tolerance: o.tolerance.0,
+                reference_uncertainty: study.reference_uncertainty.get(&o.name).map(|r| r.0),
+            })
             .collect(),
         published: study
             .published
@@ -171,6 +180,22 @@ fn csv(plan: &Plan, results: &Results) -> Vec<u8> {
         writer.write_record(&record).expect("writing to memory does not fail");
     }
     writer.into_inner().expect("writing to memory does not fail")
+}
+
+/// The uncertainty of the reference as text, for a terminal; empty if the study asks for none.
+pub fn uncertainty_table(results: &Results) -> String {
+    let line = |u: &Uncertainty| {
+        let relative = |half: f64| match u.value.filter(|v| *v != 0.0) {
+            Some(v) => percent(half / v.abs()),
+            None => format!("{} {}", number(half), u.unit),
+        };
+        let parts: Vec<String> =
+            u.parts.iter().map(|p| format!("{} {}", p.name, p.half_width.map_or("not known".into(), relative))).collect();
+        let least = if u.complete { "" } else { "at least " };
+        let combined = u.combined.map_or("not known".into(), |c| format!("{least}{}", relative(c)));
+        format!("uncertainty of {}: {combined} ({})", u.outcome, parts.join(", "))
+    };
+    results.uncertainty.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// The results as aligned text, for a terminal.

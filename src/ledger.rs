@@ -52,7 +52,7 @@ pub struct ContactSummary {
     pub near: usize,
     /// Records that carry a force.
     pub active: usize,
-    /// Largest penetration over the smaller radius, filaments and surfaces.
+    /// Largest penetration over the smaller radius, filaments and surfaces; an overlap left free of force does not count.
     pub max_penetration_to_radius: f64,
     /// 99th percentile of the same over active contacts.
     pub p99_penetration_to_radius: f64,

@@ -163,6 +163,11 @@ fn look(world: &mut World) {
 /// Penetration under load that stops a run, in radii: half a diameter.
 const DEEPEST: f64 = 1.0;
 
+/// Penetration over the radius, without the overlap that the start has left free of force.
+fn under_load(c: &ContactReport) -> f64 {
+    (-c.gap - c.offset) / c.radius
+}
+
 fn too_deep(c: &ContactReport) -> String {
     let bodies = match c.kind {
         ContactKind::Line | ContactKind::Point => format!("filaments {} and {} press", c.filament, c.other),
@@ -172,7 +177,7 @@ fn too_deep(c: &ContactReport) -> String {
     format!(
         "{bodies} {:.0} % of the radius deep at ({:.4e}, {:.4e}, {:.4e}): soon they would pass through each other. \
          The contact is too soft for the load: raise its stiffness (contact: (stiffness: ...)), or apply the load more slowly",
-        100.0 * (-c.gap - c.offset) / c.radius,
+        100.0 * under_load(c),
         p.x,
         p.y,
         p.z
@@ -191,7 +196,7 @@ pub fn summarise(world: &mut World) {
     summary.looks = world.get_resource::<InnerList>().map_or(0, |i| i.looks);
     let mut depths = Vec::new();
     let mut energy = 0.0;
-    if let Some(deep) = contacts.iter().filter(|c| c.normal_force > 0.0).find(|c| -c.gap - c.offset > DEEPEST * c.radius) {
+    if let Some(deep) = contacts.iter().filter(|c| c.normal_force > 0.0).find(|c| under_load(c) > DEEPEST) {
         let message = too_deep(deep);
         world.resource_mut::<Failure>().0.get_or_insert(message);
     }
@@ -201,7 +206,7 @@ pub fn summarise(world: &mut World) {
             summary.active += 1;
             summary.total_force += c.normal_force;
             summary.max_force = summary.max_force.max(c.normal_force);
-            depths.push(-c.gap / c.radius);
+            depths.push(under_load(c));
         }
     }
     if !depths.is_empty() {

@@ -83,12 +83,15 @@ pub struct Clock {
     pub dt_limit: f64,
     /// What sets the limit.
     pub limited_by: String,
+    /// True if all velocities have been set to zero in this step: the next kick is the first half of one, as at the start.
+    #[serde(skip)]
+    pub at_rest: bool,
 }
 
 impl Clock {
-    /// Step with which the velocities are kicked: the mean of the steps before and after.
+    /// Step with which the velocities are kicked: the mean of the steps before and after, from rest half of the one after.
     #[inline]
     pub fn kick(&self) -> f64 {
-        0.5 * (self.dt + self.dt_next)
+        if self.at_rest { 0.5 * self.dt_next } else { 0.5 * (self.dt + self.dt_next) }
     }
 }

@@ -71,6 +71,7 @@ fn advance_clock(mut clock: ResMut<Clock>) {
     clock.dt = clock.dt_next;
     clock.dt_next = clock.dt_target;
     clock.time += clock.dt;
+    clock.at_rest = false;
     if clock.dt > 0.0 {
         clock.step += 1;
     }
@@ -142,13 +143,20 @@ fn kick_spins(clock: Res<Clock>, damping: Res<MassDamping>, mut nodes: Query<(&m
 }
 
 /// Kinetic damping (P. A. Cundall 1976; M. R. Barnes, *Int. J. Space Structures* 14 (1999) 89-104): every
-/// peak of the kinetic energy is a pass through an equilibrium; the motion starts again from there.
-fn reset_at_peak(mut peak: ResMut<KineticPeak>, mut ledger: ResMut<EnergyLedger>, mut nodes: Query<(&mut Velocity, &Mass)>) {
+/// peak of the kinetic energy is a pass through an equilibrium; the motion starts again from there, with half a kick: with a
+/// whole one a mode would go 1 - (w dt)^2 times its amplitude to the other side, more than it came from.
+fn reset_at_peak(
+    mut peak: ResMut<KineticPeak>,
+    mut clock: ResMut<Clock>,
+    mut ledger: ResMut<EnergyLedger>,
+    mut nodes: Query<(&mut Velocity, &Mass)>,
+) {
     let (mut v, m) = columns(&mut nodes);
     let v = v.bypass_change_detection();
     let now = 0.5 * v.iter().zip(m).map(|(v, m)| m.0 * v.0.length_squared()).sum::<f64>();
     if now < peak.last {
         v.fill(Velocity(DVec3::ZERO));
+        clock.at_rest = true;
         ledger.damping += now;
         peak.last = 0.0;
     } else {
@@ -158,6 +166,7 @@ fn reset_at_peak(mut peak: ResMut<KineticPeak>, mut ledger: ResMut<EnergyLedger>
 
 fn reset_at_peak_with_rotations(
     mut peak: ResMut<KineticPeak>,
+    mut clock: ResMut<Clock>,
     mut ledger: ResMut<EnergyLedger>,
     mut nodes: Query<(&mut Velocity, &Mass, &mut AngularVelocity, &RotaryInertia)>,
 ) {
@@ -169,6 +178,7 @@ fn reset_at_peak_with_rotations(
     if now < peak.last {
         v.fill(Velocity(DVec3::ZERO));
         w.fill(AngularVelocity(DVec3::ZERO));
+        clock.at_rest = true;
         ledger.damping += now;
         peak.last = 0.0;
     } else {

@@ -529,7 +529,10 @@ fn the_studies_of_the_project_are_sound() {
         assert!(plan.rows.iter().any(|r| r.reference.is_some()), "{path:?}");
     }
     names.sort();
-    assert_eq!(names, ["cantilever", "convergence", "damping", "filaments", "friction", "load", "mesh", "paper", "pattern", "reference", "thickness"]);
+    assert_eq!(
+        names,
+        ["cantilever", "convergence", "damping", "filaments", "friction", "load", "mesh", "paper", "pattern", "reference", "thickness"]
+    );
 }
 
 #[test]

@@ -133,10 +133,16 @@ fn lattice_is_isotropic_with_a_third() {
 }
 
 #[test]
-fn braid_scenes_start_without_overlap_and_know_their_time() {
-    for (name, filaments) in
-        [("truss7", 84), ("beam7", 84), ("embedded7", 84), ("embedded7_sum", 84), ("embedded19_sum", 228), ("reference100", 1200)]
-    {
+fn braid_scenes_start_and_know_their_time() {
+    for (name, filaments) in [
+        ("truss7", 84),
+        ("beam7", 84),
+        ("embedded7", 84),
+        ("embedded7_sum", 84),
+        ("embedded7_spread", 84),
+        ("embedded19_sum", 228),
+        ("reference100", 1200),
+    ] {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
         let mut sim = Simulation::new(default_plugins);
         let loaded = scene::load(&file, &[], &sim.registry).unwrap_or_else(|e| panic!("{e}"));

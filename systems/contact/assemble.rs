@@ -37,17 +37,18 @@ pub struct Totals {
 /// Steps in which a record whose overlap grows as in the last one counts as touching: the time step needs two to follow.
 pub const AHEAD: f64 = 4.0;
 
-/// How an overlap has grown in this step, and the largest that is to be expected in the next ones if it goes on to grow as fast, or
-/// ever faster as in this step.
+/// How an overlap has grown in this step, and the largest that is to be expected in the next ones if it goes on to grow as fast, and
+/// if it grows ever faster as in this step: the first for how stiff the contact will be, the second for whether there will be one.
 #[inline(always)]
-fn expected<L: Lane>(overlap: L, before: impl Fn(usize) -> f64, growth_before: impl Fn(usize) -> f64) -> [L; 2] {
+fn expected<L: Lane>(overlap: L, before: impl Fn(usize) -> f64, growth_before: impl Fn(usize) -> f64) -> [L; 3] {
     let zero = L::splat(0.0);
     let growth = overlap - L::from_fn(before);
     // A record just found does not know its overlap before: not a number is neither less nor more.
     let growth = growth.upper(zero) - (-growth).upper(zero);
     let faster = (growth - L::from_fn(growth_before)).upper(zero);
-    let more = growth * L::splat(AHEAD) + faster * L::splat(0.5 * AHEAD * (AHEAD + 1.0));
-    [growth, overlap + more.upper(zero)]
+    let steady = growth * L::splat(AHEAD);
+    let more = steady + faster * L::splat(0.5 * AHEAD * (AHEAD + 1.0));
+    [growth, overlap + steady.upper(zero), overlap + more.upper(zero)]
 }
 
 impl Totals {
@@ -195,8 +196,8 @@ fn lines_at_once<L: Lane>(
     sum: &mut Totals,
 ) {
     let at = beside::<L>(lines, now, records, states);
-    let [growth, deep] = expected(at.overlap, |l| states[l].overlap, |l| states[l].growth);
-    let soon = L::splat(0.0).less(deep);
+    let [growth, deep, deepest] = expected(at.overlap, |l| states[l].overlap, |l| states[l].growth);
+    let soon = L::splat(0.0).less(deepest);
     if !L::any(soon) && states.iter().all(|s| s.damper == 0.0) {
         for lane in 0..L::WIDTH {
             let t = at.t.lane(lane);
@@ -265,8 +266,8 @@ fn points_at_once<L: Lane>(
     let r = &c.response;
     let overlap = c.penetration + c.offset;
     let kept = kept_stiffness(c.stiffness, overlap);
-    let [growth, deep] = expected(overlap, |l| states[l].overlap, |l| states[l].growth);
-    let bears = L::pick(L::splat(0.0).less(deep), c.stiffness * penalty.law.slope(deep - c.offset, c.reach), L::splat(0.0));
+    let [growth, deep, deepest] = expected(overlap, |l| states[l].overlap, |l| states[l].growth);
+    let bears = L::pick(L::splat(0.0).less(deepest), c.stiffness * penalty.law.slope(deep - c.offset, c.reach), L::splat(0.0));
     for lane in 0..L::WIDTH {
         let t = [c.t[0].lane(lane), c.t[1].lane(lane)];
         sum.bear(first + lane, bears.lane(lane));

@@ -161,9 +161,10 @@ impl Data {
 /// The changes that make any scene a model like that of `scene`.
 fn model_of(scene: &LoadedScene) -> Vec<(String, String)> {
     let units = scene.scene.units;
+    let words = (scene.words(), units);
     let of = |(path, [force, length]): &(&str, [i32; 2])| {
         // Words and plain numbers as they are, others with their unit.
-        let value = facts::value(scene, path, [0; 3]).filter(|v| v != "None" && v != "0")?;
+        let value = facts::value(&words, path, [0; 3]).filter(|v| v != "None" && v != "0")?;
         let unit = if *force == 0 && *length == 0 { String::new() } else { format!(" {}/{}", units.force(), units.length()) };
         Some(((*path).to_owned(), if unit.is_empty() { value } else { format!("\"{value}{unit}\"") }))
     };

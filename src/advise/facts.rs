@@ -1,5 +1,6 @@
 //! What a study has covered, and where a scene lies outside.
-use crate::scene::LoadedScene;
+use crate::scene::units::UnitSystem;
+use crate::scene::{LoadedScene, Words};
 use serde::{Deserialize, Serialize};
 
 /// Something that all rows of a study share.
@@ -33,22 +34,23 @@ const SHARED: [(&str, &str, [i32; 3]); 11] = [
 const SAME: f64 = 1e-3;
 
 /// The value at `path` of the effective scene: a word, or a number in SI units.
-pub(super) fn value(scene: &LoadedScene, path: &str, powers: [i32; 3]) -> Option<String> {
-    let word = scene.word(path)?;
+pub(super) fn value((words, units): &(Words, UnitSystem), path: &str, powers: [i32; 3]) -> Option<String> {
+    let word = words.at(path)?;
     match word.parse::<f64>() {
-        Ok(number) => Some((number * scene.scene.units.si(powers)?).to_string()),
+        Ok(number) => Some((number * units.si(powers)?).to_string()),
         // The kind of a shape is its name; what is in the brackets has facts of its own.
-        Err(_) => Some(word.split('(').next().unwrap_or(&word).trim().to_owned()),
+        Err(_) => Some(word.split('(').next().unwrap_or(word).trim().to_owned()),
     }
 }
 
 /// What a scene has of the facts; what it does not have is left out.
 pub(super) fn of(scene: &LoadedScene) -> Facts {
+    let words = (scene.words(), scene.scene.units);
     let fact =
-        |(name, path, powers): &(&str, &str, [i32; 3])| value(scene, path, *powers).map(|value| Fact { name: (*name).to_owned(), value });
+        |(name, path, powers): &(&str, &str, [i32; 3])| value(&words, path, *powers).map(|value| Fact { name: (*name).to_owned(), value });
     let mut facts: Facts = SHARED.iter().filter_map(fact).collect();
-    let material = value(scene, "tow.material", [0; 3]).map(|m| m.trim_matches('"').to_owned());
-    let young = material.and_then(|m| value(scene, &format!("materials.{m}.young"), [-1, 1, -2]));
+    let material = value(&words, "tow.material", [0; 3]).map(|m| m.trim_matches('"').to_owned());
+    let young = material.and_then(|m| value(&words, &format!("materials.{m}.young"), [-1, 1, -2]));
     facts.extend(young.map(|value| Fact { name: "Young's modulus".into(), value }));
     facts
 }

@@ -19,7 +19,7 @@ mod set;
 pub mod spans;
 pub mod units;
 
-pub use read::{LoadedScene, MAX_BYTES, load, load_text, load_text_within};
+pub use read::{LoadedScene, MAX_BYTES, Words, load, load_text, load_text_within};
 pub(crate) use read::{path_of, text_of};
 
 /// The RON dialect of scenes: `Some` and newtype names may be left out.

@@ -55,17 +55,29 @@ impl LoadedScene {
         SceneErrors::place(Category::Scene, &self.path.display().to_string(), &self.text, tree.root.as_ref(), vec![problem])
     }
 
-    /// What stands at `path` of the effective scene: a number in the units of the scene, a word, or a group as it is written.
-    pub fn word(&self, path: &str) -> Option<String> {
+    /// The values of the effective scene by their paths.
+    pub fn words(&self) -> Words {
         let text = self.resolved();
-        let tree = tree(&text);
-        let found = tree.root.as_ref()?.find(&Path::parse(path)?)?;
-        Some(text[found.span.clone()].trim().to_owned())
+        Words { tree: tree(&text), text }
     }
 
     /// The effective scene as text, which reads back as the same scene.
     pub fn resolved(&self) -> String {
         resolved_text(&self.scene)
+    }
+}
+
+/// Values of a scene by their paths.
+pub struct Words {
+    text: String,
+    tree: Tree,
+}
+
+impl Words {
+    /// What stands at `path`: a number in the units of the scene, a word, or a group as it is written.
+    pub fn at(&self, path: &str) -> Option<&str> {
+        let found = self.tree.root.as_ref()?.find(&Path::parse(path)?)?;
+        Some(self.text[found.span.clone()].trim())
     }
 }
 

@@ -256,6 +256,8 @@ fn end(child: &mut Child, folder: &Path) {
     // It may have ended by itself; both ways it is gone after the wait.
     let _ = child.kill();
     let _ = child.wait();
+    // What it has not heard must not stop the next one.
+    let _ = control::Command::take(folder);
 }
 
 /// Longest message that is kept (characters).

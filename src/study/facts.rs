@@ -36,14 +36,14 @@ const FACTS: [(&str, &str, Unit); 17] = [
 
 /// Name and value of all facts that a scene has.
 pub(super) fn facts(scene: &LoadedScene) -> Vec<(&'static str, String)> {
-    let system = scene.scene.units;
+    let (system, words) = (scene.scene.units, scene.words());
     let fact = |(name, path, unit): &(&'static str, &str, Unit)| {
-        let word = scene.word(path).filter(|w| w != "None")?;
+        let word = words.at(path).filter(|w| *w != "None")?;
         let (word, known) = match word.parse::<f64>() {
             Ok(v) if word.contains('.') => (number(v), true),
             // A group is written over several lines.
             Err(_) => (word.split_whitespace().collect::<Vec<_>>().join(" "), false),
-            Ok(_) => (word, true),
+            Ok(_) => (word.to_owned(), true),
         };
         let unit = match unit {
             Unit::Force if known => format!(" {}", system.force()),

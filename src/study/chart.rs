@@ -11,7 +11,7 @@ pub struct Mark {
     pub value: Option<f64>,
     /// Half width of its interval.
     pub half_width: Option<f64>,
-    /// Interval of the reference, drawn behind.
+    /// Interval of the reference, drawn behind: about its value, of errors from zero to what cannot be told from none.
     pub band: Option<(f64, f64)>,
     /// True for the reference itself.
     pub is_reference: bool,
@@ -113,8 +113,11 @@ impl RowChart {
             if let Some((a, b)) = row.band.and_then(|b| place(&self.x, b.0).zip(place(&self.x, b.1))) {
                 let band = Rectangle::new([(a, y - 0.5), (b, y + 0.5)], REFERENCE.mix(0.15).filled());
                 chart.draw_series([band]).expect(SVG);
-                let middle = PathElement::new([(0.5 * (a + b), y - 0.5), (0.5 * (a + b), y + 0.5)], REFERENCE.stroke_width(1));
-                chart.draw_series([middle]).expect(SVG);
+                // An error has a largest value that means nothing, and none in the middle.
+                if !self.bars {
+                    let middle = PathElement::new([(0.5 * (a + b), y - 0.5), (0.5 * (a + b), y + 0.5)], REFERENCE.stroke_width(1));
+                    chart.draw_series([middle]).expect(SVG);
+                }
             }
             let colour = if row.is_reference { REFERENCE } else { OWN };
             let Some([from, middle, to]) = marks[i] else { continue };

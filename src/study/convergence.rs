@@ -26,21 +26,7 @@ pub struct Convergence {
 
 /// The convergence of all outcomes along the axis that the study names; `rows` are those of the axes.
 pub fn convergence(study: &Study, rows: &[RowResult]) -> Vec<Convergence> {
-    let axis = study.convergence.as_ref().and_then(|name| study.axes.iter().position(|a| a.name == *name));
-    let Some(axis) = axis else { return Vec::new() };
-    let others = |row: &RowResult| {
-        let mut labels = row.labels.clone();
-        labels.remove(axis);
-        labels
-    };
-    let mut groups: Vec<(Vec<String>, Vec<&RowResult>)> = Vec::new();
-    for row in rows {
-        let labels = others(row);
-        match groups.iter_mut().find(|g| g.0 == labels) {
-            Some(g) => g.1.push(row),
-            None => groups.push((labels, vec![row])),
-        }
-    }
+    let Some((axis, groups)) = along_axis(study, rows) else { return Vec::new() };
     let mut all = Vec::new();
     for (labels, rows) in &groups {
         for (k, outcome) in study.outcomes.iter().enumerate() {
@@ -53,6 +39,24 @@ pub fn convergence(study: &Study, rows: &[RowResult]) -> Vec<Convergence> {
         }
     }
     all
+}
+
+/// Rows that differ along the axis of convergence only, with the labels that they share.
+pub(super) type Group<'a> = (Vec<String>, Vec<&'a RowResult>);
+
+/// The axis of convergence, and `rows` (those of the axes) in groups along it.
+pub(super) fn along_axis<'a>(study: &Study, rows: &'a [RowResult]) -> Option<(usize, Vec<Group<'a>>)> {
+    let axis = study.axes.iter().position(|a| Some(&a.name) == study.convergence.as_ref())?;
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    for row in rows {
+        let mut labels = row.labels.clone();
+        labels.remove(axis);
+        match groups.iter_mut().find(|g| g.0 == labels) {
+            Some(g) => g.1.push(row),
+            None => groups.push((labels, vec![row])),
+        }
+    }
+    Some((axis, groups))
 }
 
 /// 2 s / sqrt(n) from the half width t s / sqrt(n) of n values.

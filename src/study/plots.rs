@@ -1,6 +1,7 @@
 //! The diagrams of a study.
 use super::StudyError;
 use super::chart::{Mark, RowChart};
+use super::convergence::along_axis;
 use super::plan::Plan;
 use super::results::{Results, RowResult, Value, reference_floor, reference_half_width};
 use super::scatter::{Point, Scatter};
@@ -147,15 +148,16 @@ fn error_over_time(plan: &Plan, results: &Results) -> String {
 /// Cumulated error along the axis of convergence, with the name of the axis; none unless its labels are numbers.
 fn error_over_axis(plan: &Plan, results: &Results) -> Option<(String, String)> {
     let study = &plan.file.study;
-    let axis = study.axes.iter().position(|a| Some(&a.name) == study.convergence.as_ref())?;
+    let (axis, groups) = along_axis(study, &results.rows[..plan.product])?;
     let mut series: Vec<Series> = Vec::new();
-    for row in &results.rows[..plan.product] {
-        let others: Vec<&str> = row.labels.iter().enumerate().filter(|(i, _)| *i != axis).map(|(_, l)| l.as_str()).collect();
-        let (label, at) = (others.join(", "), row.labels[axis].trim().parse::<f64>().ok().filter(|v| *v > 0.0)?);
-        let Some(error) = row.cumulated else { continue };
-        match series.iter_mut().find(|s| s.label == label) {
-            Some(s) => s.points.push((at, 100.0 * error)),
-            None => series.push(Series::dots(label, vec![(at, 100.0 * error)])),
+    for (labels, rows) in groups {
+        let mut points = Vec::new();
+        for row in rows {
+            let at = row.labels[axis].trim().parse::<f64>().ok().filter(|v| *v > 0.0)?;
+            points.extend(row.cumulated.map(|error| (at, 100.0 * error)));
+        }
+        if !points.is_empty() {
+            series.push(Series::dots(labels.join(", "), points));
         }
     }
     let ends = series.iter().flat_map(|s| &s.points).fold((f64::INFINITY, 0.0f64), |(a, b), p| (a.min(p.0), b.max(p.0)));

@@ -170,10 +170,9 @@ fn uncertain(results: &Results) -> String {
     h += "<th>combined</th></tr>\n";
     for u in &results.uncertainty {
         let _ = write!(h, "<tr><td>{} [{}]</td><td>{}</td>", escape(&u.outcome), escape(&u.unit), u.value.map_or("–".into(), number));
-        let cell = |half: Option<f64>| match (half, u.value.filter(|v| *v != 0.0)) {
-            (Some(h), Some(v)) => format!("± {}<br><small>{}</small>", number(h), percent(h / v.abs())),
-            (Some(h), None) => format!("± {}", number(h)),
-            (None, _) => "not known".into(),
+        let cell = |half: Option<f64>| {
+            let share = |h| u.relative(h).map_or(String::new(), |r| format!("<br><small>{}</small>", percent(r)));
+            half.map_or("not known".into(), |h| format!("± {}{}", number(h), share(h)))
         };
         for part in &u.parts {
             let _ = write!(h, "<td>{}</td>", cell(part.half_width));

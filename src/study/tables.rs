@@ -185,10 +185,7 @@ fn csv(plan: &Plan, results: &Results) -> Vec<u8> {
 /// The uncertainty of the reference as text, for a terminal; empty if the study asks for none.
 pub fn uncertainty_table(results: &Results) -> String {
     let line = |u: &Uncertainty| {
-        let relative = |half: f64| match u.value.filter(|v| *v != 0.0) {
-            Some(v) => percent(half / v.abs()),
-            None => format!("{} {}", number(half), u.unit),
-        };
+        let relative = |half: f64| u.relative(half).map_or_else(|| format!("{} {}", number(half), u.unit), percent);
         let parts: Vec<String> =
             u.parts.iter().map(|p| format!("{} {}", p.name, p.half_width.map_or("not known".into(), relative))).collect();
         let least = if u.complete { "" } else { "at least " };

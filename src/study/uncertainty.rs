@@ -25,10 +25,9 @@ pub struct Uncertainty {
 }
 
 impl Uncertainty {
-    /// The combined half width over the value.
-    pub fn relative(&self) -> Option<f64> {
-        let value = self.value.filter(|v| *v != 0.0)?;
-        self.combined.map(|c| c / value.abs())
+    /// A half width over the value; none without a value, or for zero.
+    pub fn relative(&self, half_width: f64) -> Option<f64> {
+        self.value.filter(|v| *v != 0.0).map(|v| half_width / v.abs())
     }
 }
 

@@ -70,7 +70,11 @@ fn follow_limit(world: &mut World) {
         (seen.limit, seen.by) = limit_of(world, &bounds, &omega2);
         seen.omega2 = omega2.iter().map(|o| o[0]).collect();
     }
-    let (limit, by) = with_acting(world, &seen);
+    let (mut limit, mut by) = with_acting(world, &seen);
+    let turning = world.get_resource::<AxialChains>().map_or(f64::INFINITY, |c| c.turning_step);
+    if turning < limit {
+        (limit, by) = (turning, "turning bars, integrated implicitly".into());
+    }
     if seen.least.as_ref().is_none_or(|(least, _)| limit < *least) {
         seen.least = Some((limit, by));
     }

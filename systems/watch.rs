@@ -170,7 +170,7 @@ fn strained(world: &mut World, eyes: &mut Eyes) -> Option<(Option<usize>, String
     let how = if strain > 0.0 { "stretched" } else { "squeezed" };
     let message = format!(
         "{} {} (nodes {a} and {b}{place}) is {how} by {:.0} % of its length. Likely causes: a load or a prescribed motion far above what the section bears, \
-         a stiffness or a unit that is wrong, or a motion that is about to become unstable. Where bars fall slack: integration: (safety: 0.3). \
+         a stiffness or a unit that is wrong, or a motion that is about to become unstable. \
          If it is meant: watch: (strain: None)",
         bar.kind,
         bar.index,

@@ -55,11 +55,18 @@ pub struct AxialChains {
     jumps: Vec<DVec3>,
     /// Longest time step that the scheme is trusted with (time).
     pub longest_step: f64,
+    /// Step in which no bar turns by more than [`TURN`], at the speeds of now (time).
+    pub turning_step: f64,
 }
 
 /// Longest step in stable steps of the explicit scheme: a bar that is hit while it swings farther
 /// in one step is stretched by the swing, and the wave that this starts is lost in the damping.
 const LONGEST: f64 = 20.0;
+
+/// Largest turn of a bar in a step (radian): the tension acts in the direction that the bar has before it. Only chains that fall
+/// slack and whip about come near. A cable dropped from where it is slack makes 100 % of energy at turns of 0.3, 7 % at
+/// 0.1, and keeps its balance to 0.3 % at 0.05.
+const TURN: f64 = 0.05;
 
 impl AxialChains {
     /// Number of bars in chains, and of springs that stay explicit.
@@ -142,6 +149,7 @@ fn install(cx: &mut Install<'_>) {
         border: vec![0.0; members],
         jumps: Vec::new(),
         longest_step,
+        turning_step: f64::INFINITY,
     });
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
         name: "axial bar",
@@ -192,7 +200,7 @@ fn solve_tensions(
     let (v, f) = (v.bypass_change_detection(), f.bypass_change_detection());
     let (keep, kick) = damping.kick(clock.kick());
     let step = Step { dt: clock.dt_next, kick, whole_kick: clock.kick(), keep };
-    let AxialChains { packs, joints, border, work, last, jumps, .. } = &mut *axial;
+    let AxialChains { packs, joints, border, work, last, jumps, turning_step, .. } = &mut *axial;
     let constraints = &mut *constraints;
     if !prescribed.is_empty() {
         jumps.clear();
@@ -209,6 +217,8 @@ fn solve_tensions(
         border_velocity(step, packs, constraints, border);
     }
     each(packs, |p| p.finish(step, border));
+    let turned = packs.iter().map(|p| p.turned).fold(0.0, f64::max);
+    *turning_step = TURN * step.dt / turned.sqrt();
     *last = packs.iter().map(|p| p.done).sum();
     let mut tension = columns(&mut bars).1;
     for (out, tension) in tension.bypass_change_detection().iter_mut().zip(packs.iter().flat_map(Pack::tensions)) {

@@ -101,6 +101,8 @@ pub struct Pack {
     pulls: Vec<DVec3>,
     /// Work of the motion on the bars in the last kick (force x length).
     pub done: f64,
+    /// Square of the largest angle by which a bar turns in the step (radian^2).
+    pub turned: f64,
 }
 
 impl Pack {
@@ -156,7 +158,7 @@ impl Pack {
         let members: std::collections::BTreeSet<usize> = couplings.iter().map(|c| c.member).collect();
         let solved = members.into_iter().map(|j| (j, vec![zero; count])).collect();
         let pulls = vec![DVec3::ZERO; count * LANES];
-        Pack { lanes, closed: chains[0].closed, ends, work: work.collect(), dummies, couplings, solved, pulls, done: 0.0 }
+        Pack { lanes, closed: chains[0].closed, ends, work: work.collect(), dummies, couplings, solved, pulls, done: 0.0, turned: 0.0 }
     }
 
     /// Number of bars.
@@ -203,6 +205,7 @@ impl Pack {
         let (half, dt, keep) = (L::splat(0.5), L::splat(step.dt), L::splat(1.0 / step.keep));
         let mut before: Option<End> = None;
         let mut first = None;
+        let mut turned = L::splat(0.0);
         let last = ends.len() - 1;
         for (i, e) in ends.iter().enumerate() {
             let a = before.filter(|_| e.joined).unwrap_or_else(|| e.end(0, step.kick, nodes, jumps, dummies));
@@ -220,6 +223,7 @@ impl Pack {
             b.length = l;
             b.rate_before = along * keep;
             b.turning = half * dt * dt * across.dot(across) / l;
+            turned = turned.upper(b.turning / l);
             b.y = l - b.rest_length + dt * t.dot(dv) + b.turning;
             b.pivot = b.rest_length / b.ea + h2 * t.dot(times(a.w + z.w, t));
             b.z = L::splat(0.0);
@@ -230,6 +234,7 @@ impl Pack {
             first = first.or(Some(t));
             before = Some(z);
         }
+        self.turned = 2.0 * (0..LANES).map(|l| turned.lane(l)).fold(0.0, f64::max);
         if *closed && let (Some(shared), Some(t_first)) = (before, first) {
             work[last].upper = -(h2 * work[last].t.dot(times(shared.w, t_first)));
         }

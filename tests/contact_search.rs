@@ -3,7 +3,8 @@
 mod contact_rig;
 use braid_ecs::prelude::*;
 use braid_ecs::systems::contact::list::excluded;
-use braid_ecs::systems::contact::search::{Candidate, segment_distance_squared};
+use braid_ecs::systems::contact::near::segment_distance_squared;
+use braid_ecs::systems::contact::search::Candidate;
 use contact_rig::*;
 
 /// Random wavy filaments in a box.

@@ -331,19 +331,29 @@ pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, tur
     put_turn(lines, segment + 1, (f * w.tb + turn * s) * h, add);
 }
 
-/// Slots that carry the point at parameter `t` of a segment, each once, with their weights.
-pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> impl Iterator<Item = (u32, f64)> {
+/// Slots that may carry a point of a segment: tangents take at most two on one side of their own.
+pub const CARRIERS: usize = 6;
+
+/// The first of the [`CARRIERS`] of a segment.
+#[inline(always)]
+pub fn first_carrier(segment: u32) -> u32 {
+    segment.wrapping_sub(2)
+}
+
+/// Weights of the slots that carry the point at parameter `t` of a segment, from [`first_carrier`] on.
+#[inline]
+pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> [f64; CARRIERS] {
     let w = weights(t, Range::new(|_| lines.slots[segment as usize].free));
     let h = now.tangent[segment as usize][3];
-    // Tangents take at most two slots on one side of their own.
-    let first = segment.wrapping_sub(2);
-    let mut all = [0.0, 0.0, w.a, w.b, 0.0, 0.0];
+    let first = first_carrier(segment);
+    let mut all = [0.0; CARRIERS];
+    (all[2], all[3]) = (w.a, w.b);
     for (slot, weight) in [(segment, w.ta * h), (segment + 1, w.tb * h)] {
         for (at, c) in lines.tangent_slots(slot) {
             all[at.wrapping_sub(first) as usize] += c * weight;
         }
     }
-    all.into_iter().enumerate().filter(|(_, weight)| *weight != 0.0).map(move |(k, weight)| (first.wrapping_add(k as u32), weight))
+    all
 }
 
 /// Records, their forces, and which of them have one.

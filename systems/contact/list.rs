@@ -2,8 +2,9 @@
 use super::curve::{Range, Segment};
 use super::kernel::{Penalty, closest_step};
 use super::lines::{Centrelines, Lines, xyz};
+use super::near::closest_parameters;
 use super::records::*;
-use super::search::{Candidate, closest_parameters};
+use super::search::Candidate;
 use braid_ecs::prelude::*;
 
 /// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
@@ -124,8 +125,10 @@ impl Found {
         let sampling = lines.slots[if Lines::looks_first(ca, cb) { a } else { b }].length;
         let ends = |j: usize| [xyz(&now.tangent[j]), xyz(&now.tangent[j + 1])];
         let least = look_from(penalty, reach, sampling);
-        let crosses = |u: DVec3, v: DVec3| u.cross(v).length_squared() > least * least * u.length_squared() * v.length_squared();
-        if !ends(a).iter().any(|u| ends(b).iter().any(|v| crosses(*u, *v))) {
+        let crosses =
+            |u: DVec3, v: DVec3, least: f64| u.cross(v).length_squared() > least * least * u.length_squared() * v.length_squared();
+        let (ends_a, ends_b) = (ends(a), ends(b));
+        if !ends_a.iter().any(|u| ends_b.iter().any(|v| crosses(*u, *v, least))) {
             return;
         }
         let shift = now.shift[c.image as usize];
@@ -133,7 +136,10 @@ impl Found {
         if crosses_elsewhere(p, p2 - p, q, q2 - q) {
             return;
         }
-        let (s, t) = closest_parameters(p, p2, q, q2);
+        let (s, t) = closest_parameters::<f64>((p2 - p).into(), (q2 - q).into(), (p - q).into());
+        if beside_all_along([p2 - p, q2 - q], ends_a, ends_b, [s, t], |u, v| crosses(u, v, EARLY * least)) {
+            return;
+        }
         let (curve_a, curve_b) = (curve_of(lines, now, c.a), curve_of(lines, now, c.b));
         let apart: V3<f64> = (xyz(&now.x[a]) - xyz(&now.x[b]) - shift).into();
         let limits = |j: usize| {
@@ -148,7 +154,7 @@ impl Found {
                 break;
             }
         }
-        if !(-0.25..=1.25).contains(&s) || !(-0.25..=1.25).contains(&t) {
+        if ![s, t].iter().all(|t| (-NEARBY..=1.0 + NEARBY).contains(t)) {
             return;
         }
         let mut record = PointRecord { segments: [c.a, c.b], image: c.image };
@@ -346,6 +352,29 @@ fn crosses_elsewhere(p: DVec3, u: DVec3, q: DVec3, v: DVec3) -> bool {
     let (s, t) = ((b * e - c * d) / den, (a * e - b * d) / den);
     !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&s) || !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&t)
 }
+
+/// True if two segments of one direction that bend little and alike nowhere cross: tangents of one that lie across an end of
+/// the other say nothing, those of places that are beside each other do.
+fn beside_all_along([u, v]: [DVec3; 2], a: [DVec3; 2], b: [DVec3; 2], [s, t]: [f64; 2], crosses: impl Fn(DVec3, DVec3) -> bool) -> bool {
+    let sine2 = u.cross(v).length_squared() / (u.length_squared() * v.length_squared());
+    if sine2 > ALONG * ALONG || [a, b].iter().any(|[from, to]| from.distance_squared(*to) > ALONG * ALONG * from.length_squared()) {
+        return false;
+    }
+    // From the closest points, as far as either segment goes, both ways.
+    let ratio = (u.length_squared() / v.length_squared()).sqrt().copysign(u.dot(v));
+    let room = |t: f64, rate: f64, end: f64| ((end - t) / rate).max(0.0);
+    let backward = room(s, -1.0, -NEARBY).min(room(t, -ratio, if ratio > 0.0 { -NEARBY } else { 1.0 + NEARBY }));
+    let forward = room(s, 1.0, 1.0 + NEARBY).min(room(t, ratio, if ratio > 0.0 { 1.0 + NEARBY } else { -NEARBY }));
+    // The difference of the tangents changes evenly: it is largest at one end.
+    [-backward, forward].into_iter().all(|d| !crosses(a[0].lerp(a[1], s + d), b[0].lerp(b[1], t + ratio * d)))
+}
+
+/// Sine of the angle between directions that count as one, and change of a tangent that counts as little.
+const ALONG: f64 = 0.1;
+/// Share of the least angle from which tangents that change evenly may hide a crossing of curves.
+const EARLY: f64 = 0.75;
+/// How far beyond its segments a closest point is followed, in segments.
+const NEARBY: f64 = 0.25;
 
 /// How far the closest points of curves may be from those of their chords, in segments.
 const ELSEWHERE: f64 = 1.0;

@@ -20,6 +20,7 @@ pub mod law;
 pub mod lines;
 pub mod list;
 pub mod monitor;
+pub mod near;
 pub mod records;
 pub mod search;
 mod spec;
@@ -116,7 +117,10 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.init_resource::<LiveRecords>();
     let burden = stiffness::Burden::new(cx.world.resource::<Lines>(), &cx.world.resource::<JointMasses>().0);
     cx.world.insert_resource(burden);
-    cx.world.insert_resource(ActingStiffness { name: NAME, rows: Vec::new() });
+    // A step that is given follows nobody.
+    if cx.model.integration.dt.is_none() {
+        cx.world.insert_resource(ActingStiffness { name: NAME, rows: Vec::new() });
+    }
     cx.world.init_resource::<Requests>();
     cx.world.init_resource::<EnergyLedger>();
     make_list(cx.world);

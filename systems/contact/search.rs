@@ -8,11 +8,10 @@
 //! about get more room of their own: one of them does not make the list of all others anew. Whether it
 //! is complete for some more steps is seen whenever all records are looked at ([`super::inner`]). Pairs across periodic faces come from a second
 //! traversal of the tree against itself, shifted; the motion of the period counts like that of nodes.
-//!
-//! The distance of two segments is computed here with relative tolerances: the routine of parry
-//! compares with absolute ones and fails for lengths given in metres.
+//! Boxes of long thin segments meet far more often than these come near each other: [`super::near`] decides.
 use super::images::Image;
 use super::lines::{Centrelines, Lines, xyz};
+use super::near::{ImageWay, Way, near};
 use braid_ecs::prelude::*;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
@@ -59,6 +58,9 @@ pub struct Search {
     end: Vec<DVec3>,
     #[serde(skip)]
     bulge: Vec<f64>,
+    /// Ways of the segments, by slot.
+    #[serde(skip)]
+    ways: Vec<Way>,
     /// Pairs of leaves whose boxes meet.
     #[serde(skip)]
     pairs: Vec<Candidate>,
@@ -154,6 +156,7 @@ impl Search {
     pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool + Sync, out: &mut Vec<Candidate>) {
         self.make_forecast(lines, now);
         self.measure_bulges(lines, now);
+        self.make_ways(lines, now);
         let fresh = self.leaves.is_empty() || self.rebuilds.is_multiple_of(REBUILD_TREE);
         if fresh {
             self.leaves.clear();
@@ -195,11 +198,15 @@ impl Search {
                 }
             }
         }
-        let near = |range: std::ops::Range<usize>| -> Vec<Candidate> {
-            pairs[range].iter().copied().filter(|c| self.close(now, *c) && !excluded(*c)).collect()
+        let half = |image: usize| self.forecast_shift[image] * (0.5 * self.ahead);
+        let images: Vec<ImageWay> = (0..now.shift.len()).map(|i| ImageWay { shift: now.shift[i] + half(i), motion: half(i) }).collect();
+        let close = |range: std::ops::Range<usize>| {
+            let mut close = near(&self.ways, &images, &pairs[range]);
+            close.retain(|c| !excluded(*c));
+            close
         };
         out.clear();
-        out.extend(parallel::chunks(pairs.len(), CHUNK, near).into_iter().flatten());
+        out.extend(parallel::chunks(pairs.len(), CHUNK, close).into_iter().flatten());
         out.sort_unstable();
         self.pairs = pairs;
     }
@@ -314,21 +321,13 @@ impl Search {
         self.room[j].max(self.room[j + 1])
     }
 
-    /// True if two segments come closer than their room on their forecast ways: half way through, no
-    /// farther apart than that plus half of what they move against each other.
-    fn close(&self, now: &Centrelines, c: Candidate) -> bool {
-        let (a, b, image) = (c.a as usize, c.b as usize, c.image as usize);
-        let (x, y) = (&self.middle, |i: usize| self.middle[i] - self.reference[i]);
-        let (mut shift, mut approach) = (now.shift[image], 0.0f64);
-        if self.ahead > 0.0 {
-            let half = self.forecast_shift[image] * (0.5 * self.ahead);
-            shift += half;
-            for (i, j) in [(a, b), (a, b + 1), (a + 1, b), (a + 1, b + 1)] {
-                approach = approach.max((y(i) - y(j) - half).length_squared());
-            }
+    fn make_ways(&mut self, lines: &Lines, now: &Centrelines) {
+        self.ways.resize(lines.slots.len(), Way::default());
+        for j in lines.segments() {
+            let j = j as usize;
+            let nodes = |x: &[DVec3]| [x[j], x[j + 1]];
+            self.ways[j] = Way::new(nodes(&self.reference), nodes(&self.middle), now.x[j][3] + self.room_of(j) + self.bulge[j]);
         }
-        let reach = now.x[a][3] + now.x[b][3] + self.room_of(a) + self.room_of(b) + self.bulge[a] + self.bulge[b] + approach.sqrt();
-        segment_distance_squared(x[a], x[a + 1], x[b] + shift, x[b + 1] + shift) < reach * reach
     }
 }
 
@@ -349,27 +348,4 @@ fn largest(count: usize, of: impl Fn(usize) -> f64 + Sync) -> f64 {
 /// Largest distance between two sets of vectors, the second one moved on.
 fn farthest(a: &[DVec3], b: &[DVec3], moved: impl Fn(usize) -> DVec3) -> f64 {
     a.iter().zip(b).enumerate().fold(0.0f64, |m, (i, (a, b))| m.max((*a - *b - moved(i)).length_squared())).sqrt()
-}
-
-/// Parameters of the closest points of two segments.
-pub fn closest_parameters(p: DVec3, p2: DVec3, q: DVec3, q2: DVec3) -> (f64, f64) {
-    let (u, v, w) = (p2 - p, q2 - q, p - q);
-    let (a, b, e, c, f) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
-    let den = a * e - b * b;
-    let mut s = if den > 1e-12 * a * e { ((b * f - c * e) / den).clamp(0.0, 1.0) } else { 0.0 };
-    let mut t = if e > 0.0 { (b * s + f) / e } else { 0.0 };
-    if t < 0.0 {
-        t = 0.0;
-        s = if a > 0.0 { (-c / a).clamp(0.0, 1.0) } else { 0.0 };
-    } else if t > 1.0 {
-        t = 1.0;
-        s = if a > 0.0 { ((b - c) / a).clamp(0.0, 1.0) } else { 0.0 };
-    }
-    (s, t)
-}
-
-/// Squared distance of two segments (Ericson 2005, section 5.1.9, with relative tolerances).
-pub fn segment_distance_squared(p: DVec3, p2: DVec3, q: DVec3, q2: DVec3) -> f64 {
-    let (s, t) = closest_parameters(p, p2, q, q2);
-    (p + (p2 - p) * s - q - (q2 - q) * t).length_squared()
 }

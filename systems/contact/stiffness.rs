@@ -1,9 +1,9 @@
 //! Stiffness of the contacts: from the scene, or from mass and time step; and what it does to the
 //! stable time step.
-use super::assemble::{carriers, line_stiffnesses, of_point};
+use super::assemble::{CARRIERS, carriers, first_carrier, line_stiffnesses, of_point};
 use super::inner::refresh_all;
 use super::kernel::Penalty;
-use super::lines::{Centrelines, Lines, NONE};
+use super::lines::{Centrelines, Lines, NONE, xyz};
 use super::records::*;
 use super::spec::ContactSpec;
 use braid_ecs::prelude::*;
@@ -209,6 +209,15 @@ pub fn share_copies(lines: &Lines, masses: &[f64], kappa: &mut [f64]) {
     }
 }
 
+/// What a record does to a row: weight of the row along its normal and along the filament, and weight by which friction at the
+/// surface turns a tangent.
+#[derive(Clone, Copy)]
+struct Weight {
+    row: u32,
+    push: f64,
+    turn: f64,
+}
+
 /// Collects the weights of one record by row.
 pub struct Spread<'a> {
     lines: &'a Lines,
@@ -216,9 +225,7 @@ pub struct Spread<'a> {
     normal: f64,
     tangential: f64,
     /// Weights of the current record; the rows may repeat.
-    weights: Vec<(u32, f64)>,
-    /// Those by which friction at the surface turns a tangent.
-    turns: Vec<(u32, f64)>,
+    weights: Vec<Weight>,
 }
 
 impl<'a> Spread<'a> {
@@ -230,7 +237,7 @@ impl<'a> Spread<'a> {
 
     /// For contacts whose friction does not count, with a factor of one on the stiffness.
     pub fn without_friction(lines: &'a Lines) -> Self {
-        Spread { lines, normal: 1.0, tangential: 0.0, weights: Vec::new(), turns: Vec::new() }
+        Spread { lines, normal: 1.0, tangential: 0.0, weights: Vec::new() }
     }
 
     /// Hands the bounds of a line record to `add`.
@@ -239,12 +246,14 @@ impl<'a> Spread<'a> {
             return;
         }
         self.node(record.node, 1.0);
+        if self.tangential > 0.0 {
+            let arm = self.lines.slots[record.node as usize].radius;
+            for (slot, c) in self.lines.tangent_slots(record.node) {
+                self.put(slot, 0.0, c * arm);
+            }
+        }
         self.segment(now, record.segment, t);
         self.image(record.image);
-        if self.tangential > 0.0 {
-            self.turn(record.node, self.lines.slots[record.node as usize].radius);
-            self.turn_along(now, record.segment, t);
-        }
         self.add(stiffness, add);
     }
 
@@ -255,67 +264,65 @@ impl<'a> Spread<'a> {
         }
         for (segment, t) in record.segments.into_iter().zip(t) {
             self.segment(now, segment, t);
-            if self.tangential > 0.0 {
-                self.turn_along(now, segment, t);
-            }
         }
         self.image(record.image);
         self.add(stiffness, add);
     }
 
-    /// Adds the weights of the tangent of a slot, `arm` away from the surface.
-    fn turn(&mut self, slot: u32, arm: f64) {
-        for (at, c) in self.lines.tangent_slots(slot) {
-            let row = self.lines.slots[at as usize].row;
-            if row != NONE {
-                self.turns.push((row, c * arm));
-            }
+    fn put(&mut self, slot: u32, push: f64, turn: f64) {
+        let row = self.lines.slots[slot as usize].row;
+        if row != NONE {
+            self.weights.push(Weight { row, push, turn });
         }
-    }
-
-    /// Adds the weights of the tangent at parameter `t` of a segment.
-    fn turn_along(&mut self, now: &Centrelines, segment: u32, t: f64) {
-        let h = now.tangent[segment as usize][3];
-        let chord = now.x[segment as usize + 1].iter().zip(&now.x[segment as usize]).take(3).map(|(b, a)| (b - a).powi(2)).sum::<f64>();
-        // The arm acts on the unit tangent, the nodes make tangents per length.
-        let arm = self.lines.slots[segment as usize].radius * h / chord.sqrt().max(f64::MIN_POSITIVE);
-        let s = t.clamp(0.0, 1.0);
-        self.turn(segment, arm * (1.0 - s));
-        self.turn(segment + 1, arm * s);
     }
 
     /// Adds the weight of a slot.
     pub fn node(&mut self, slot: u32, weight: f64) {
-        let s = &self.lines.slots[slot as usize];
-        if s.row != NONE {
-            self.weights.push((s.row, weight));
-        }
+        self.put(slot, weight, 0.0);
     }
 
-    /// Adds the weights of the nodes of a segment at parameter `t`.
+    /// Adds the weights of the nodes of a segment at parameter `t`, and of its tangent there at the surface.
     pub fn segment(&mut self, now: &Centrelines, segment: u32, t: f64) {
-        for (slot, weight) in carriers(self.lines, now, segment, t) {
-            self.node(slot, weight);
+        let first = first_carrier(segment);
+        let push = carriers(self.lines, now, segment, t);
+        let mut turn = [0.0; CARRIERS];
+        if self.tangential > 0.0 {
+            let j = segment as usize;
+            let chord = (xyz(&now.x[j + 1]) - xyz(&now.x[j])).length();
+            // The arm acts on the unit tangent, the nodes make tangents per length.
+            let arm = self.lines.slots[j].radius * now.tangent[j][3] / chord.max(f64::MIN_POSITIVE);
+            let s = t.clamp(0.0, 1.0);
+            for (slot, part) in [(segment, 1.0 - s), (segment + 1, s)] {
+                for (at, c) in self.lines.tangent_slots(slot) {
+                    turn[at.wrapping_sub(first) as usize] += c * part * arm;
+                }
+            }
+        }
+        for (k, (push, turn)) in push.into_iter().zip(turn).enumerate() {
+            if push != 0.0 || turn != 0.0 {
+                self.put(first.wrapping_add(k as u32), push, turn);
+            }
         }
     }
 
     /// Adds the weights of the dummy nodes behind an image.
     fn image(&mut self, image: super::images::Image) {
+        if image == self.lines.images.zero() {
+            return;
+        }
         let k = self.lines.images.multiples(image);
         for (d, row) in self.lines.images.dummies.iter().enumerate() {
             if k[d] != 0 {
-                self.weights.push((*row, f64::from(k[d])));
+                self.weights.push(Weight { row: *row, push: f64::from(k[d]), turn: 0.0 });
             }
         }
     }
 
     /// Hands the bounds of springs of this stiffness with the collected weights to `put`.
     pub fn add(&mut self, stiffness: f64, put: &mut impl FnMut(u32, f64)) {
-        let sum = |weights: &[(u32, f64)]| weights.iter().map(|w| w.1.abs()).sum::<f64>();
-        let pushed = sum(&self.weights);
-        let dragged = stiffness * self.tangential * (pushed + sum(&self.turns));
+        let (pushed, turned) = self.weights.iter().fold((0.0, 0.0), |(p, t), w| (p + w.push.abs(), t + w.turn.abs()));
+        let dragged = stiffness * self.tangential * (pushed + turned);
         let either = (stiffness * self.normal * pushed).max(dragged);
-        self.weights.drain(..).for_each(|(row, w)| put(row, either * w.abs()));
-        self.turns.drain(..).for_each(|(row, w)| put(row, dragged * w.abs()));
+        self.weights.drain(..).for_each(|w| put(w.row, either * w.push.abs() + dragged * w.turn.abs()));
     }
 }

@@ -17,7 +17,7 @@ use super::records::*;
 use super::systems::{SurfaceReactions, SurfaceSet};
 use crate::systems::axial_implicit::AxialChains;
 use crate::systems::constraint::Constraints;
-use crate::systems::contact::assemble::carriers;
+use crate::systems::contact::assemble::{carriers, first_carrier};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::integration::MassDamping;
 use braid_ecs::prelude::*;
@@ -178,9 +178,10 @@ fn correct(
         // Beyond its segment, along its edge, or where the nodes see the rounding, a point is not held.
         let held = at.weight > 0.0;
         state.offset = (state.offset * surface.keep).min(at.overlap.max(0.0));
-        let rows: Vec<(usize, f64)> = carriers(&lines, &now, record.segment, state.t)
-            .map(|(slot, weight)| (lines.slots[slot as usize].row as usize, weight))
-            .collect();
+        let first = first_carrier(record.segment);
+        let row = |k: usize| lines.slots[first.wrapping_add(k as u32) as usize].row as usize;
+        let weights = carriers(&lines, &now, record.segment, state.t).into_iter().enumerate();
+        let rows: Vec<(usize, f64)> = weights.filter(|(_, weight)| *weight != 0.0).map(|(k, weight)| (row(k), weight)).collect();
         let point = Carried { rows: &rows, place: at.place, overlap: at.overlap, offset: state.offset };
         let ahead = |x: DVec3| if held { at.ahead(surface, x) } else { (f64::NEG_INFINITY, at.normal) };
         let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);

@@ -222,6 +222,8 @@ pub struct Integration {
     pub rotary_inertia: RotaryInertiaRule,
     /// Least shear flexibility 12 EI / (GA L^2) of beams, for longer time steps (0: that of the section alone).
     pub shear_flexibility: f64,
+    /// Longest step of the implicit axial scheme over the stable step of the explicit one: Courant number of the axial wave.
+    pub courant: f64,
     /// Damping.
     pub damping: Damping,
     /// Linear bulk viscosity coefficient of explicit axial elements (0.06 is usual, 0 is none).
@@ -238,6 +240,7 @@ impl Default for Integration {
             dt: None,
             rotary_inertia: RotaryInertiaRule::Scaled(1.0),
             shear_flexibility: 0.0,
+            courant: 20.0,
             damping: Damping::None,
             bulk_viscosity: 0.0,
             monitor_every: 64,

@@ -5,6 +5,7 @@ use crate::model::{Model, Steady};
 use crate::simulation::{Failure, NodeRows, Simulation, SimulationError};
 use crate::step::Clock;
 use crate::systems::adaptive_damping::NaturalTime;
+use crate::systems::axial_implicit::AxialChains;
 use crate::systems::energy::LookNow;
 use crate::systems::time_step::stable_limit;
 use bevy_ecs::prelude::*;
@@ -77,7 +78,11 @@ pub fn start(sim: &mut Simulation, model: &Model) -> Result<(), SimulationError>
             return Err(SimulationError::Model(format!("the time step {dt:.6e} is above the stable limit {limit:.6e}, set by {by}")));
         }
         Some(dt) => dt,
-        None if limit.is_finite() => model.integration.safety * limit,
+        None if limit.is_finite() => {
+            // How fast bars will turn is not known before they move.
+            let chains = sim.world.get_resource::<AxialChains>().filter(|c| limit >= c.longest_step);
+            model.integration.safety * chains.map_or(limit, |c| c.explicit_step)
+        }
         None => {
             return Err(SimulationError::Model("nothing in the model limits the time step; give one with integration: (dt: ...)".into()));
         }

@@ -90,9 +90,10 @@ pub(super) fn swing(clock: &Clock) -> f64 {
     1.0 / (1.0 - s * s).max(1e-3)
 }
 
-/// Energy of a model that moves by the rounding of its coordinates in every step.
+/// Energy of a model that moves by the rounding of its coordinates in every step, also in the short ones at its start.
 pub(super) fn rounding(world: &mut World) -> f64 {
-    let dt = world.resource::<Clock>().dt_next;
+    let first = world.get_resource::<AxialChains>().map_or(f64::INFINITY, |c| c.explicit_step);
+    let dt = world.resource::<Clock>().dt_next.min(first);
     let mut nodes = world.query::<(&Position, &Mass)>();
     nodes.iter(world).map(|(x, m)| m.0 * (f64::EPSILON * x.0.length() / dt).powi(2)).sum()
 }

@@ -21,6 +21,8 @@ pub fn plugin(sim: &mut Simulation) {
 /// Looks in a row with a bad balance that stop a run.
 const PATIENCE: u32 = 16;
 
+/// How far the time step may fall until it is remembered, of the mean one.
+const SETTLES_TO: f64 = 1e-3;
 /// Steps after which the time step is remembered as that of the settled run.
 const SETTLED: u64 = 64;
 
@@ -200,21 +202,28 @@ fn spinning(world: &mut World, eyes: &mut Eyes) -> Option<(Option<usize>, String
 }
 
 /// A time step that has shrunk so far that the run would not end.
-fn collapsed(world: &World, eyes: &Eyes, recent: &mut Recent) -> Option<(Option<usize>, String)> {
-    let clock = world.resource::<Clock>();
+fn collapsed(world: &mut World, eyes: &Eyes, recent: &mut Recent) -> Option<(Option<usize>, String)> {
+    let clock = world.resource::<Clock>().clone();
     if eyes.fixed_step || clock.step < SETTLED {
         return None;
     }
     if recent.settled_dt == 0.0 {
-        recent.settled_dt = clock.dt_target;
+        // It may have collapsed already.
+        recent.settled_dt = clock.dt_target.max(SETTLES_TO * clock.time / clock.step as f64);
     }
     (clock.dt_target < eyes.rule.time_step * recent.settled_dt).then(|| {
+        let speeds = world.query::<&Velocity>().iter(world).map(|v| v.0.length()).collect::<Vec<f64>>();
+        let row = (0..speeds.len()).max_by(|a, b| speeds[*a].total_cmp(&speeds[*b])).unwrap_or(0);
+        let (id, place) = (world.resource::<NodeRows>().id(row).0, place_of(world, row));
         let message = format!(
-            "the time step has collapsed from {:.3e} to {:.3e}; it is limited by {}. Likely causes: an element squeezed to nothing, or a contact that has become \
-             far too stiff. If it is meant: watch: (time_step: None)",
-            recent.settled_dt, clock.dt_target, clock.limited_by
+            "the time step has collapsed from {:.3e} to {:.3e}; it is limited by {}. Fastest is node {id}{}. Likely causes: an element squeezed to nothing, \
+             a contact that has become far too stiff, or a load far above what the nodes are heavy. If it is meant: watch: (time_step: None)",
+            recent.settled_dt,
+            clock.dt_target,
+            clock.limited_by,
+            bracketed(&place)
         );
-        (None, message)
+        (Some(row), message)
     })
 }
 

@@ -226,8 +226,9 @@ fn a_beam_turns_five_times_without_bending() {
 /// seven steps for the whole way there; as the bars begin to turn the step shrinks to a seventh of that.
 #[test]
 fn a_filament_that_was_slack_is_as_tight_as_before() {
-    // Without the limit on the turn of a bar 1.3 units of energy came from nowhere, more than the work that is done.
-    for (step, most) in [("", 0.1), ("integration: (dt: 0.01),", 0.03)] {
+    // Without the limit on the turn of a bar 1.3 units of energy came from nowhere, more than the work that is done. What is left is of first
+    // order in the step: 1.3 % at 0.01.
+    for (step, most) in [("", 0.2), ("integration: (dt: 0.01),", 0.02)] {
         let mut sim = ended(&format!(
             "sections: {{ \"s\": Stiffness(ea: 1000, mass: 1) }}, nodes: [[0, 0, 0], [0.25, 0, 0], [0.5, 0, 0], [0.75, 0, 0], [1, 0, 0]],
             elements: {{ \"truss\": [(nodes: [0, 1, 2, 3, 4], section: \"s\")] }},

@@ -53,20 +53,14 @@ pub struct AxialChains {
     border: Vec<f64>,
     /// What prescribed motions add to the velocities in this step, by row; empty if there are none.
     jumps: Vec<DVec3>,
-    /// Longest time step that the scheme is trusted with (time).
+    /// Stable step of the explicit scheme (time): the first ones of a run, if nothing but the scheme limits them.
+    pub explicit_step: f64,
+    /// Longest time step that the scheme is trusted with (time): the axial waves that start where a bar is hit while it swings are
+    /// lost in its damping, and what is hit in a few steps only is not resolved.
     pub longest_step: f64,
-    /// Step in which no bar turns by more than [`TURN`], at the speeds of now (time).
+    /// Step in which no bar turns too far, as it moves now (time).
     pub turning_step: f64,
 }
-
-/// Longest step in stable steps of the explicit scheme: a bar that is hit while it swings farther
-/// in one step is stretched by the swing, and the wave that this starts is lost in the damping.
-const LONGEST: f64 = 20.0;
-
-/// Largest turn of a bar in a step (radian): the tension acts in the direction that the bar has before it. Only chains that fall
-/// slack and whip about come near. A cable dropped from where it is slack makes 100 % of energy at turns of 0.3, 7 % at
-/// 0.1, and keeps its balance to 0.3 % at 0.05.
-const TURN: f64 = 0.05;
 
 impl AxialChains {
     /// Number of bars in chains, and of springs that stay explicit.
@@ -137,7 +131,7 @@ fn install(cx: &mut Install<'_>) {
     let members = cx.world.get_resource::<Constraints>().map_or(0, |c| c.border_len());
     let light: Vec<f64> = cx.world.query::<&InverseMass>().iter(cx.world).map(|w| w.0.max_element()).collect();
     let fastest = packs.iter().map(|p| p.frequency2(&light)).fold(0.0, f64::max);
-    let longest_step = if fastest > 0.0 { LONGEST * 2.0 / fastest.sqrt() } else { f64::INFINITY };
+    let explicit_step = if fastest > 0.0 { 2.0 / fastest.sqrt() } else { f64::INFINITY };
     let ends = packs.iter().enumerate().flat_map(|(k, p)| p.carriers().map(move |(row, end)| (row, (k as u32, end))));
     let joints = Incidence::new(ends);
     cx.world.insert_resource(AxialChains {
@@ -148,7 +142,8 @@ fn install(cx: &mut Install<'_>) {
         explicit,
         border: vec![0.0; members],
         jumps: Vec::new(),
-        longest_step,
+        explicit_step,
+        longest_step: cx.model.integration.courant * explicit_step,
         turning_step: f64::INFINITY,
     });
     cx.world.get_resource_or_init::<KindReports>().0.push(KindReport {
@@ -217,8 +212,7 @@ fn solve_tensions(
         border_velocity(step, packs, constraints, border);
     }
     each(packs, |p| p.finish(step, border));
-    let turned = packs.iter().map(|p| p.turned).fold(0.0, f64::max);
-    *turning_step = TURN * step.dt / turned.sqrt();
+    *turning_step = packs.iter().map(|p| p.turning_step).fold(f64::INFINITY, f64::min);
     *last = packs.iter().map(|p| p.done).sum();
     let mut tension = columns(&mut bars).1;
     for (out, tension) in tension.bypass_change_detection().iter_mut().zip(packs.iter().flat_map(Pack::tensions)) {

@@ -14,6 +14,11 @@ pub struct Step {
     pub keep: f64,
 }
 
+/// Largest turn of a bar in a step (radian): the tension acts in the direction that the bar has before it. Only chains that fall
+/// slack and whip about come near. A cable dropped from where it is slack makes 100 % of energy at turns of 0.3, 7 % at
+/// 0.1, and keeps its balance to 0.3 % at 0.05.
+const TURN: f64 = 0.05;
+
 /// Chains of a pack.
 pub const LANES: usize = L::WIDTH;
 type L = f64x4;
@@ -101,8 +106,9 @@ pub struct Pack {
     pulls: Vec<DVec3>,
     /// Work of the motion on the bars in the last kick (force x length).
     pub done: f64,
-    /// Square of the largest angle by which a bar turns in the step (radian^2).
-    pub turned: f64,
+    /// Step h in which no bar turns by more than [`TURN`]: (v + a h) h = TURN l, with the speed v at which its ends pass each other, and, if
+    /// it is slack, the acceleration a of that by all other forces (time).
+    pub turning_step: f64,
 }
 
 impl Pack {
@@ -158,7 +164,18 @@ impl Pack {
         let members: std::collections::BTreeSet<usize> = couplings.iter().map(|c| c.member).collect();
         let solved = members.into_iter().map(|j| (j, vec![zero; count])).collect();
         let pulls = vec![DVec3::ZERO; count * LANES];
-        Pack { lanes, closed: chains[0].closed, ends, work: work.collect(), dummies, couplings, solved, pulls, done: 0.0, turned: 0.0 }
+        Pack {
+            lanes,
+            closed: chains[0].closed,
+            ends,
+            work: work.collect(),
+            dummies,
+            couplings,
+            solved,
+            pulls,
+            done: 0.0,
+            turning_step: f64::INFINITY,
+        }
     }
 
     /// Number of bars.
@@ -205,7 +222,8 @@ impl Pack {
         let (half, dt, keep) = (L::splat(0.5), L::splat(step.dt), L::splat(1.0 / step.keep));
         let mut before: Option<End> = None;
         let mut first = None;
-        let mut turned = L::splat(0.0);
+        let mut turning = L::splat(0.0);
+        let (most, four, per_kick) = (L::splat(TURN), L::splat(4.0), L::splat(1.0 / step.kick));
         let last = ends.len() - 1;
         for (i, e) in ends.iter().enumerate() {
             let a = before.filter(|_| e.joined).unwrap_or_else(|| e.end(0, step.kick, nodes, jumps, dummies));
@@ -223,8 +241,13 @@ impl Pack {
             b.length = l;
             b.rate_before = along * keep;
             b.turning = half * dt * dt * across.dot(across) / l;
-            turned = turned.upper(b.turning / l);
             b.y = l - b.rest_length + dt * t.dot(dv) + b.turning;
+            // No tension holds a slack bar back: what the other forces make of it turns it, too.
+            let push = (dk - t * t.dot(dk)) * per_kick;
+            let push = L::pick(b.rest_length.less(l), L::splat(0.0), push.dot(push).sqrt());
+            let speed = across.dot(across).sqrt();
+            let way = l * most;
+            turning = turning.upper((speed + (speed * speed + four * push * way).sqrt()) / way);
             b.pivot = b.rest_length / b.ea + h2 * t.dot(times(a.w + z.w, t));
             b.z = L::splat(0.0);
             // The neighbour before shares the first end of this bar.
@@ -234,7 +257,9 @@ impl Pack {
             first = first.or(Some(t));
             before = Some(z);
         }
-        self.turned = 2.0 * (0..LANES).map(|l| turned.lane(l)).fold(0.0, f64::max);
+        // Whatever is not finite is for others to say.
+        let turning = (0..LANES).map(|l| turning.lane(l)).filter(|t| t.is_finite()).fold(0.0, f64::max);
+        self.turning_step = 2.0 / turning;
         if *closed && let (Some(shared), Some(t_first)) = (before, first) {
             work[last].upper = -(h2 * work[last].t.dot(times(shared.w, t_first)));
         }

@@ -78,6 +78,7 @@ impl Builder<'_> {
         }
         self.not_negative(at("integration.bulk_viscosity"), "the bulk viscosity", spec.bulk_viscosity.0);
         self.not_negative(at("integration.shear_flexibility"), "the shear flexibility", spec.shear_flexibility.0);
+        self.above_zero(at("integration.courant"), "the Courant number", spec.courant.0);
         if let RotaryInertiaSpec::Scaled(f) = spec.rotary_inertia {
             self.above_zero(at("integration.rotary_inertia"), "the factor on the rotary inertia", f.0);
         }
@@ -93,6 +94,7 @@ impl Builder<'_> {
                 RotaryInertiaSpec::Physical => RotaryInertiaRule::Physical,
             },
             shear_flexibility: spec.shear_flexibility.0,
+            courant: spec.courant.0,
             bulk_viscosity: spec.bulk_viscosity.0,
             monitor_every: spec.monitor_every.max(1),
             damping: Damping::None,

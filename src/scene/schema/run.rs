@@ -52,6 +52,8 @@ pub struct IntegrationSpec {
     pub rotary_inertia: RotaryInertiaSpec,
     /// Least shear flexibility 12 EI / (GA L^2) of beams. Default 0: that of the section.
     pub shear_flexibility: Ratio,
+    /// Longest step of the implicit axial scheme over the stable step of the explicit one. Default 20.
+    pub courant: Ratio,
     /// Linear bulk viscosity of explicit axial elements. Default 0; 0.06 is usual.
     pub bulk_viscosity: Ratio,
     /// Steps between two looks at energies, limits and finiteness. Default 64.
@@ -67,6 +69,7 @@ impl Default for IntegrationSpec {
             dt: None,
             rotary_inertia: RotaryInertiaSpec::Scaled(Ratio(1.0)),
             shear_flexibility: Ratio(d.shear_flexibility),
+            courant: Ratio(d.courant),
             bulk_viscosity: Ratio(d.bulk_viscosity),
             monitor_every: d.monitor_every,
         }

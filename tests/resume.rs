@@ -169,7 +169,7 @@ fn signals_and_commands_stop_a_run_in_order() {
 fn a_run_tells_how_far_it_is_and_does_what_it_is_told() {
     let bench = Bench::new();
     // Longer than the test takes.
-    let wires = wires(&["stop.time=100 ms", "output.frames=Never", "output.pictures=false"]);
+    let wires = wires(&["stop.time=100 s", "output.frames=Never", "output.pictures=false"]);
     let mut all: Vec<&str> = wires.iter().map(String::as_str).collect();
     all.extend(["--out", "r", "--threads", "1"]);
     let child = bench.start(&all);

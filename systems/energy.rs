@@ -99,7 +99,7 @@ pub(super) fn rounding(world: &mut World) -> f64 {
 }
 
 /// Row of the node with the largest kinetic energy.
-fn fastest_node(world: &mut World) -> usize {
+pub(super) fn fastest_node(world: &mut World) -> usize {
     let mut nodes = world.query::<(&Velocity, &Mass)>();
     let energy = nodes.iter(world).map(|(v, m)| m.0 * v.0.length_squared()).enumerate();
     energy.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(row, _)| row)

@@ -9,7 +9,7 @@
 //!
 //! Numbers that are not finite and runaway energy are found in `energy.rs`, deep contacts in `contact/monitor.rs`.
 //! The first find is left in [`Failure`], its node in [`Suspect`]; the last looks are kept in [`Recent`].
-use crate::systems::energy::rounding;
+use crate::systems::energy::{fastest_node, rounding};
 use braid_ecs::prelude::*;
 use std::collections::VecDeque;
 
@@ -212,8 +212,7 @@ fn collapsed(world: &mut World, eyes: &Eyes, recent: &mut Recent) -> Option<(Opt
         recent.settled_dt = clock.dt_target.max(SETTLES_TO * clock.time / clock.step as f64);
     }
     (clock.dt_target < eyes.rule.time_step * recent.settled_dt).then(|| {
-        let speeds = world.query::<&Velocity>().iter(world).map(|v| v.0.length()).collect::<Vec<f64>>();
-        let row = (0..speeds.len()).max_by(|a, b| speeds[*a].total_cmp(&speeds[*b])).unwrap_or(0);
+        let row = fastest_node(world);
         let (id, place) = (world.resource::<NodeRows>().id(row).0, place_of(world, row));
         let message = format!(
             "the time step has collapsed from {:.3e} to {:.3e}; it is limited by {}. Fastest is node {id}{}. Likely causes: an element squeezed to nothing, \

@@ -16,7 +16,7 @@ pub struct Step {
 
 /// Largest turn of a bar in a step (radian): the tension acts in the direction that the bar has before it. Only chains that fall
 /// slack and whip about come near. A cable dropped from where it is slack makes 100 % of energy at turns of 0.3, 7 % at
-/// 0.1, and keeps its balance to 0.3 % at 0.05.
+/// 0.1, and keeps its balance to half a percent at 0.05.
 const TURN: f64 = 0.05;
 
 /// Chains of a pack.

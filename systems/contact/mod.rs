@@ -115,10 +115,10 @@ fn install_spec(cx: &mut Install<'_>, spec: &ContactSpec) -> Result<(), String> 
     cx.world.init_resource::<InnerList>();
     cx.world.resource_mut::<Needed>().sources.push(mark);
     cx.world.init_resource::<LiveRecords>();
-    let burden = stiffness::Burden::new(cx.world.resource::<Lines>(), &cx.world.resource::<JointMasses>().0);
-    cx.world.insert_resource(burden);
     // A step that is given follows nobody.
     if cx.model.integration.dt.is_none() {
+        let burden = stiffness::Burden::new(cx.world.resource::<Lines>(), &cx.world.resource::<JointMasses>().0);
+        cx.world.insert_resource(burden);
         cx.world.insert_resource(ActingStiffness { name: NAME, rows: Vec::new() });
     }
     cx.world.init_resource::<Requests>();

@@ -17,11 +17,11 @@ pub struct Way {
 }
 
 impl Way {
-    /// Of the segment between two nodes, from and to these places half way, with what surrounds it.
-    pub fn new([a, b]: [DVec3; 2], [a_half, b_half]: [DVec3; 2], around: f64) -> Self {
-        let (ya, yb) = (a_half - a, b_half - b);
+    /// Of the segment between two nodes that are at `x` now and have moved by `y` half way, with what surrounds it.
+    pub fn new(x: [DVec3; 2], y: [DVec3; 2], around: f64) -> Self {
         let row = |v: DVec3, w: f64| [v.x, v.y, v.z, w];
-        Way { start: row(a_half, around), chord: row(b_half - a_half, 0.5 * (yb - ya).length()), motion: row(0.5 * (ya + yb), 0.0) }
+        let [a, b] = [x[0] + y[0], x[1] + y[1]];
+        Way { start: row(a, around), chord: row(b - a, 0.5 * (y[1] - y[0]).length()), motion: row(0.5 * (y[0] + y[1]), 0.0) }
     }
 }
 
@@ -107,7 +107,7 @@ mod tests {
         let ways: Vec<Way> = (0..40)
             .map(|_| {
                 let (a, along) = (vector(1.0), vector(1.0));
-                Way::new([a, a + along], [a + vector(0.1), a + along + vector(0.1)], 0.1)
+                Way::new([a, a + along], [vector(0.1), vector(0.1)], 0.1)
             })
             .collect();
         let images = [ImageWay::default(), ImageWay { shift: vector(1.0), motion: vector(0.1) }];

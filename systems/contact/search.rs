@@ -51,9 +51,7 @@ pub struct Search {
     forecast: Vec<DVec3>,
     reference_shift: Vec<DVec3>,
     forecast_shift: Vec<DVec3>,
-    /// Positions half way through the horizon and at its end.
-    #[serde(skip)]
-    middle: Vec<DVec3>,
+    /// Positions at the end of the horizon.
     #[serde(skip)]
     end: Vec<DVec3>,
     #[serde(skip)]
@@ -252,8 +250,6 @@ impl Search {
             self.forecast_shift.fill(DVec3::ZERO);
         }
         self.ahead = if self.horizon.is_finite() { self.horizon } else { 0.0 };
-        self.middle.clear();
-        self.middle.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * (0.5 * self.ahead)));
         self.end.clear();
         self.end.extend(self.reference.iter().zip(&self.forecast).map(|(x, v)| *x + *v * self.ahead));
     }
@@ -325,8 +321,9 @@ impl Search {
         self.ways.resize(lines.slots.len(), Way::default());
         for j in lines.segments() {
             let j = j as usize;
-            let nodes = |x: &[DVec3]| [x[j], x[j + 1]];
-            self.ways[j] = Way::new(nodes(&self.reference), nodes(&self.middle), now.x[j][3] + self.room_of(j) + self.bulge[j]);
+            let motion = [j, j + 1].map(|i| self.forecast[i] * (0.5 * self.ahead));
+            let around = now.x[j][3] + self.room_of(j) + self.bulge[j];
+            self.ways[j] = Way::new([self.reference[j], self.reference[j + 1]], motion, around);
         }
     }
 }

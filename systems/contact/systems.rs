@@ -153,7 +153,7 @@ pub fn forces(
     (lines, now, search): (Res<Lines>, Res<Centrelines>, Res<Search>),
     (mut penalty, mut requests, mut needed): (ResMut<Penalty>, ResMut<Requests>, ResMut<Needed>),
     (mut live, mut inner): (ResMut<LiveRecords>, ResMut<InnerList>),
-    (mut burden, acting): (ResMut<Burden>, Option<ResMut<ActingStiffness>>),
+    (burden, acting): (Option<ResMut<Burden>>, Option<ResMut<ActingStiffness>>),
     mut ledger: ResMut<EnergyLedger>,
     mut line: Query<(&mut LineRecord, &mut LineState, &mut LineForce)>,
     mut point: Query<(&mut PointRecord, &mut PointState, &mut PointForce)>,
@@ -179,7 +179,7 @@ pub fn forces(
     let (x, mut force) = columns(&mut nodes);
     let force = force.bypass_change_detection();
     scatter(&lines, &now, (lr, lf, &of_lines.touching), (pr, pf, &of_points.touching), |row, f| force[row].0 += f);
-    if let Some(mut acting) = acting {
+    if let (Some(mut burden), Some(mut acting)) = (burden, acting) {
         burden.take(&penalty, &lines, &now, (lr, ls, &of_lines.bearing), (pr, ps, &of_points.bearing), &mut acting);
     }
     // Records that have left their segment move to the next one.

@@ -151,6 +151,11 @@ pub fn sum(rows: usize, chunk: usize, f: impl Fn(Range<usize>) -> f64 + Sync) ->
     chunks(rows, chunk, f).into_iter().sum()
 }
 
+/// The largest of what `f` says of each row, zero at least.
+pub fn largest(rows: usize, chunk: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
+    chunks(rows, chunk, |range| range.fold(0.0f64, |m, i| m.max(f(i)))).into_iter().fold(0.0, f64::max)
+}
+
 /// What `f` makes of each chunk of `rows` rows, in order.
 pub fn chunks<T: Send>(rows: usize, chunk: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let count = rows.div_ceil(chunk);

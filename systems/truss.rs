@@ -149,11 +149,14 @@ impl LaneElement<2> for Truss {
     #[inline(always)]
     fn at_once<L: Lane>(bars: &[Self], rows: &[Connectivity<2>], nodes: impl NodeColumns, out: &mut [EndForces<Self, 2>]) {
         let d = V3::<L>::gather(|l| nodes.x(rows[l].0[1]) - nodes.x(rows[l].0[0]));
-        let v = V3::<L>::gather(|l| nodes.v(rows[l].0[1]) - nodes.v(rows[l].0[0]));
         let [ea, rest_length, viscosity, _] = L::rows(|l| [bars[l].ea, bars[l].rest_length, bars[l].viscosity, 0.0]);
         let length = d.dot(d).sqrt();
         let e = d * (L::splat(1.0) / length);
-        let n = ea * (length / rest_length - L::splat(1.0)) + viscosity * e.dot(v);
+        let mut n = ea * (length / rest_length - L::splat(1.0));
+        if L::any(L::splat(0.0).less(viscosity)) {
+            let v = V3::<L>::gather(|l| nodes.v(rows[l].0[1]) - nodes.v(rows[l].0[0]));
+            n = n + viscosity * e.dot(v);
+        }
         let pull = e * n;
         pull.each(|l, pull| out[l].0 = [-pull, pull]);
     }

@@ -221,8 +221,25 @@ fn a_failed_row_is_recorded_and_the_others_go_on() {
     assert!(err.contains("4 runs were kept") && err.contains("burst: FAILED"), "{err}");
 }
 
+#[test]
+fn rows_may_have_several_threads_which_their_times_tell() {
+    let dir = folder();
+    let (code, _, err) = program(dir.path(), &["study", "steps.ron", "--out", "r", "--jobs", "2", "--threads", "2"]);
+    assert_eq!(code, 0, "{err}");
+    assert!(err.contains("2 at a time with 2 threads each"), "{err}");
+    let all = json(&dir.path().join("r/study.json"));
+    assert_eq!(all["machine"]["threads"], 2);
+    assert!(all["results"]["rows"].as_array().unwrap().iter().all(|r| r["threads"] == 2));
+    assert!(std::fs::read_to_string(dir.path().join("r/report.html")).unwrap().contains("2 runs at a time with 2 threads each"));
+    // Advice expects times of one thread.
+    let (code, _, err) = program(dir.path(), &["advise", "--collect", "r/study.json", "--out", "advice.json"]);
+    assert_eq!(code, 2, "{err}");
+    assert!(err.contains("ran row `2, 10 mN` with 2 threads"), "{err}");
+    assert!(!dir.path().join("advice.json").exists());
+}
+
 fn options(folder: &Path, existing: Existing) -> Options {
-    Options { program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")), folder: folder.join("r"), jobs: 1, existing }
+    Options { program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")), folder: folder.join("r"), jobs: 1, threads: 1, existing }
 }
 
 #[test]

@@ -136,6 +136,12 @@ impl Data {
             let (Some(error), Some(steps), Some(elements), Some(run_s)) = (row.cumulated, row.steps, row.elements, row.cpu_s) else {
                 continue;
             };
+            if let Some(threads @ 2..) = row.threads {
+                let row = row.labels.join(", ");
+                return Err(content(&format!(
+                    "ran row `{row}` with {threads} threads; times to expect are those of one: run the study without --threads"
+                )));
+            }
             let loaded = scene(row)?;
             let intervals: Option<f64> = row.outcomes.iter().filter_map(|o| o.error_ci95).map(|c| c * c).reduce(|a, b| a + b);
             rows.push(Row {
@@ -198,6 +204,7 @@ struct StudyRow {
     cpu_s: Option<f64>,
     steps: Option<f64>,
     elements: Option<usize>,
+    threads: Option<usize>,
     runs: Vec<Run>,
 }
 

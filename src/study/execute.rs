@@ -36,6 +36,8 @@ pub struct Options {
     pub folder: PathBuf,
     /// Runs at a time, at least one.
     pub jobs: usize,
+    /// Threads of each run, at least one.
+    pub threads: usize,
     /// What to do with an earlier study in the folder.
     pub existing: Existing,
 }
@@ -209,7 +211,7 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
     }
     let log = folder.join("log.txt");
     let file = File::create(&log).map_err(|e| OutputError::io("write", &log, e))?;
-    command.args(["--quiet", "--threads", "1"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
+    command.args(["--quiet", "--threads", &options.threads.to_string()]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
     let begin = Instant::now();
     let start = |e| StudyError::Start { program: options.program.clone(), source: e };
     let mut child = command.spawn().map_err(start)?;

@@ -108,7 +108,7 @@ pub fn perform(
     stop: &(dyn Fn() -> bool + Sync),
     watch: &mut dyn FnMut(Event<'_>),
 ) -> Result<Done, StudyError> {
-    let machine = Machine::here(options.jobs, &claim.build);
+    let machine = Machine::here(options.jobs, options.threads, &claim.build);
     let mut ended = claim.kept.clone();
     tables::write(plan, &results(plan, &ended), &machine, State::Running, &options.folder)?;
     let ended = execute(plan, options, claim, stop, &mut |event| {

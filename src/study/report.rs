@@ -272,16 +272,19 @@ fn assumptions(plan: &Plan) -> String {
 fn machine_facts(results: &Results, machine: &Machine) -> String {
     let records = || results.rows.iter().flat_map(RowResult::records);
     let builds: BTreeSet<&str> = records().map(|r| r.build.as_str()).collect();
-    let jobs: BTreeSet<usize> = records().map(|r| r.jobs).collect();
-    let jobs = jobs.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
+    let either = |numbers: BTreeSet<usize>, none: usize| {
+        if numbers.is_empty() { none.to_string() } else { numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ") }
+    };
+    let jobs = either(records().map(|r| r.jobs).collect(), machine.jobs);
+    let threads = either(results.rows.iter().filter_map(|r| r.threads).collect(), machine.threads);
     let mut h = format!(
         "<h2>Machine</h2>\n<p>braid-ecs {}, {}, {} processors, {} runs at a time with {} thread{} each: wall times are of runs that share the machine.",
         escape(&machine.version),
         escape(&machine.target),
         machine.processors,
-        if jobs.is_empty() { machine.jobs.to_string() } else { jobs },
-        machine.threads,
-        if machine.threads == 1 { "" } else { "s" }
+        jobs,
+        threads,
+        if threads == "1" { "" } else { "s" }
     );
     match builds.len() {
         0 => {}

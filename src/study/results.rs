@@ -80,6 +80,8 @@ pub struct RowResult {
     pub steps: Option<f64>,
     /// Elements.
     pub elements: Option<usize>,
+    /// Threads of a run.
+    pub threads: Option<usize>,
     /// True if no other row is at least as good in time and cumulated error, and better in one.
     pub front: bool,
     /// The runs.
@@ -180,6 +182,7 @@ fn row(plan: &Plan, index: usize, runs: &[(&Run, &Option<Ended>)]) -> RowResult 
         cpu_s: mean(&|s| s.cpu_s),
         steps: mean(&|s| Some(s.steps as f64)),
         elements: summaries.first().map(|s| s.elements),
+        threads: summaries.first().map(|s| s.threads),
         front: false,
         runs: runs.iter().map(|(run, e)| run_result(run, e)).collect(),
     }

@@ -50,14 +50,14 @@ pub struct Machine {
 
 impl Machine {
     /// This one.
-    pub fn here(jobs: usize, build: &str) -> Self {
+    pub fn here(jobs: usize, threads: usize, build: &str) -> Self {
         Machine {
             version: env!("CARGO_PKG_VERSION").into(),
             build: build.into(),
             target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
             processors: std::thread::available_parallelism().map_or(1, usize::from),
             jobs,
-            threads: 1,
+            threads,
         }
     }
 }

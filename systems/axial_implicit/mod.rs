@@ -207,17 +207,21 @@ fn solve_tensions(
     let jumps = &*jumps;
 
     let columns_of_nodes = (x, &*v, &*f, w);
-    each(packs, |p| p.solve(step, columns_of_nodes, jumps));
+    let count = packs.iter().map(Pack::count).sum();
+    each(packs, count, |p| p.solve(step, columns_of_nodes, jumps));
     if !border.is_empty() {
         border_velocity(step, packs, constraints, border);
     }
-    each(packs, |p| p.finish(step, border));
+    let mut tension = columns(&mut bars).1;
+    let mut rest = &mut tension.bypass_change_detection()[..];
+    let own = packs.iter_mut().map(|p| {
+        let (own, others) = std::mem::take(&mut rest).split_at_mut(p.count());
+        rest = others;
+        (p, own)
+    });
+    each(&mut own.collect::<Vec<_>>(), count, |(pack, tensions)| pack.finish(step, border, tensions));
     *turning_step = packs.iter().map(|p| p.turning_step).fold(f64::INFINITY, f64::min);
     *last = packs.iter().map(|p| p.done).sum();
-    let mut tension = columns(&mut bars).1;
-    for (out, tension) in tension.bypass_change_detection().iter_mut().zip(packs.iter().flat_map(Pack::tensions)) {
-        out.0 = tension;
-    }
     let packs = &*packs;
     parallel::picked2(f, v, &joints.nodes, CHUNK, |k, row, f, v| {
         let pull = pulled(packs, joints.at(k));
@@ -242,9 +246,9 @@ fn solve_tensions(
     }
 }
 
-/// Runs `f` on every pack, in parallel where it pays.
-fn each(packs: &mut [Pack], f: impl Fn(&mut Pack) + Send + Sync) {
-    if packs.len() > 1 && rayon::current_num_threads() > 1 && packs.iter().map(Pack::count).sum::<usize>() > 1000 {
+/// Runs `f` on every pack, in parallel where it pays with so many bars.
+fn each<T: Send>(packs: &mut [T], bars: usize, f: impl Fn(&mut T) + Send + Sync) {
+    if packs.len() > 1 && rayon::current_num_threads() > 1 && bars > 1000 {
         packs.par_iter_mut().for_each(f);
     } else {
         packs.iter_mut().for_each(f);

@@ -183,7 +183,7 @@ impl Pack {
         self.ends.len() * self.lanes
     }
 
-    /// Rows, rest length and EA of the bars, in the order of [`Pack::tensions`].
+    /// Rows, rest length and EA of the bars, chain beside chain.
     pub fn bars(&self) -> impl Iterator<Item = AxialBar> + '_ {
         self.ends
             .iter()
@@ -336,9 +336,9 @@ impl Pack {
         }
     }
 
-    /// Tensions with the border's motion, and the work of the motion on the bars: the kick takes just
-    /// this out of the kinetic energy.
-    pub fn finish(&mut self, step: Step, border: &[f64]) {
+    /// Tensions with the border's motion, in the order of [`Pack::bars`], and the work of the motion on the bars: the kick
+    /// takes just this out of the kinetic energy.
+    pub fn finish(&mut self, step: Step, border: &[f64], tensions: &mut [Tension]) {
         for (j, column) in &self.solved {
             let push = L::splat(step.dt * border[*j]);
             for (b, z) in self.work.iter_mut().zip(column) {
@@ -347,18 +347,15 @@ impl Pack {
         }
         let (one, half, kick, dt) = (L::splat(1.0), L::splat(0.5), L::splat(step.whole_kick), L::splat(step.dt));
         let mut done = L::splat(0.0);
-        for (b, pulls) in self.work.iter().zip(self.pulls.chunks_exact_mut(LANES)) {
+        let ends = self.pulls.chunks_exact_mut(LANES).zip(tensions.chunks_exact_mut(self.lanes));
+        for (b, (pulls, tensions)) in self.work.iter().zip(ends) {
             (b.t * b.y).each(|l, pull| pulls[l] = pull);
+            tensions.iter_mut().zip(b.y.to_array()).for_each(|(out, tension)| out.0 = tension);
             let after = b.rest_length * (one + b.y / b.ea);
             let rate_after = (after - b.length - b.turning) / dt;
             done += half * b.y * (b.rate_before + rate_after) * kick;
         }
         self.done = (0..self.lanes).map(|l| done.lane(l)).sum();
-    }
-
-    /// Tensions of the bars, in the order of [`Pack::bars`].
-    pub fn tensions(&self) -> impl Iterator<Item = f64> + '_ {
-        self.work.iter().flat_map(|b| (0..self.lanes).map(|l| b.y.lane(l)))
     }
 
     /// The carriers of all ends of bars, each with what asks [`Pack::pull`] for the pull on it.

@@ -6,6 +6,7 @@ use super::near::closest_parameters;
 use super::records::*;
 use super::search::Candidate;
 use braid_ecs::prelude::*;
+use rayon::prelude::*;
 
 /// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
 const LOOK_FROM: f64 = 0.5;
@@ -201,7 +202,7 @@ impl Builder {
             self.lines.extend(part.lines);
             self.points.extend(part.points);
         }
-        self.lines.sort_by_cached_key(|(r, _)| (r.node, r.image, r.segment));
+        self.lines.par_sort_by_key(|(r, _)| (r.node, r.image, r.segment));
         self.merge_lines(lines);
         self.points.sort_by_key(|(r, _)| (r.segments, r.image));
         self.merge_points(lines);

@@ -15,6 +15,7 @@ use super::near::{ImageWay, Way, near};
 use braid_ecs::prelude::*;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
+use rayon::prelude::*;
 
 /// Two segments closer than the skin; the second one is shifted by the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -82,7 +83,7 @@ const WHIPS: f64 = 0.02;
 /// Speed over that of the fastest node below which the others do not matter for the time.
 const SLOWEST: f64 = 0.01;
 /// Nodes or pairs per parallel chunk.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 1024;
 
 impl Search {
     /// A search with the given skin (length).
@@ -112,7 +113,7 @@ impl Search {
             return true;
         }
         let way = |i: usize| (xyz(&now.x[i]) - self.reference[i] - self.forecast[i] * self.elapsed).length_squared();
-        let used = largest(self.room.len(), |i| way(i) / (self.room[i] * self.room[i])).sqrt();
+        let used = parallel::largest(self.room.len(), CHUNK, |i| way(i) / (self.room[i] * self.room[i])).sqrt();
         // NaN ends up here, too.
         let left = 1.0 - share - used - self.period_left(&now.shift, &self.reference_shift, self.elapsed);
         left.is_nan() || left <= 0.0
@@ -128,7 +129,7 @@ impl Search {
             let i = lines.row_slots[k] as usize;
             (way(k) - self.forecast[i] * elapsed).length_squared() / (self.room[i] * self.room[i])
         };
-        largest(lines.row_slots.len(), of).sqrt()
+        parallel::largest(lines.row_slots.len(), CHUNK, of).sqrt()
     }
 
     /// How far the periods have left their forecast, in units of the least room.
@@ -152,13 +153,15 @@ impl Search {
 
     /// All pairs of segments closer than the skin, sorted; `excluded` says which may never touch.
     pub fn candidates(&mut self, lines: &Lines, now: &Centrelines, excluded: impl Fn(Candidate) -> bool + Sync, out: &mut Vec<Candidate>) {
-        self.make_forecast(lines, now);
-        self.measure_bulges(lines, now);
-        self.make_ways(lines, now);
         let fresh = self.leaves.is_empty() || self.rebuilds.is_multiple_of(REBUILD_TREE);
         if fresh {
             self.leaves.clear();
             self.leaves.extend(lines.segments());
+        }
+        self.make_forecast(lines, now);
+        self.measure_bulges(lines, now);
+        self.make_ways(lines, now);
+        if fresh {
             let boxes = self.leaves.iter().enumerate().map(|(leaf, j)| (leaf, self.enclose(now, *j)));
             self.bvh = Bvh::from_iter(BvhBuildStrategy::Binned, boxes);
         } else {
@@ -205,7 +208,7 @@ impl Search {
         };
         out.clear();
         out.extend(parallel::chunks(pairs.len(), CHUNK, close).into_iter().flatten());
-        out.sort_unstable();
+        out.par_sort_unstable();
         self.pairs = pairs;
     }
 
@@ -292,15 +295,15 @@ impl Search {
             let o = (i as isize + s.first) as usize;
             x[o] * s.tangent[0] + x[o + 1] * s.tangent[1] + x[o + 2] * s.tangent[2]
         };
-        for j in lines.segments() {
-            let j = j as usize;
+        let Search { bulge, leaves, reference, end, .. } = self;
+        parallel::picked1(bulge, leaves, CHUNK, |_, j, bulge| {
             let h = now.tangent[j][3];
             let bend = |x: &[DVec3]| {
                 let chord = (x[j + 1] - x[j]) / h;
                 (tangent(x, j) - chord).length() + (tangent(x, j + 1) - chord).length()
             };
-            self.bulge[j] = 4.0 / 27.0 * h * bend(&self.reference).max(bend(&self.end));
-        }
+            *bulge = 4.0 / 27.0 * h * bend(reference).max(bend(end));
+        });
     }
 
     fn enclose(&self, now: &Centrelines, j: u32) -> Aabb {
@@ -319,12 +322,13 @@ impl Search {
 
     fn make_ways(&mut self, lines: &Lines, now: &Centrelines) {
         self.ways.resize(lines.slots.len(), Way::default());
-        for j in lines.segments() {
-            let j = j as usize;
+        let mut ways = std::mem::take(&mut self.ways);
+        parallel::picked1(&mut ways, &self.leaves, CHUNK, |_, j, way| {
             let motion = [j, j + 1].map(|i| self.forecast[i] * (0.5 * self.ahead));
             let around = now.x[j][3] + self.room_of(j) + self.bulge[j];
-            self.ways[j] = Way::new([self.reference[j], self.reference[j + 1]], motion, around);
-        }
+            *way = Way::new([self.reference[j], self.reference[j + 1]], motion, around);
+        });
+        self.ways = ways;
     }
 }
 
@@ -335,11 +339,6 @@ fn all_but_few(mut values: Vec<f64>) -> f64 {
         Some(k) => *values.select_nth_unstable_by(k, f64::total_cmp).1,
         None => 0.0,
     }
-}
-
-/// Largest of what `of` says of `count` rows.
-fn largest(count: usize, of: impl Fn(usize) -> f64 + Sync) -> f64 {
-    parallel::chunks(count, CHUNK, |range| range.fold(0.0f64, |m, i| m.max(of(i)))).into_iter().fold(0.0, f64::max)
 }
 
 /// Largest distance between two sets of vectors, the second one moved on.

@@ -9,6 +9,9 @@ use crate::systems::contact::records::rehome;
 use crate::systems::contact::systems::shortage;
 use braid_ecs::prelude::*;
 
+/// Nodes per parallel chunk.
+const CHUNK: usize = 2048;
+
 /// Records over edges that have left their segment move on; decides whether a new list is due.
 pub(super) fn follow(
     clock: Res<Clock>,
@@ -28,7 +31,7 @@ pub(super) fn follow(
         needed.stale = true;
     }
     let v = columns(&mut nodes);
-    let fastest = lines.rows.iter().fold(0.0f64, |m, row| m.max(v[*row as usize].0.length_squared()));
+    let fastest = parallel::largest(lines.rows.len(), CHUNK, |k| v[lines.rows[k] as usize].0.length_squared());
     set.budget -= clock.dt * fastest.sqrt();
 }
 

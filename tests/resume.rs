@@ -221,6 +221,18 @@ fn a_run_that_is_over_says_so_and_can_run_on() {
 }
 
 #[test]
+fn frames_that_were_tidied_away_do_not_end_a_run() {
+    let bench = Bench::new();
+    let wires = wires(&[]);
+    let stopped = run(&bench, &wires, &["--out", "r", "--time-limit", "1 ms"]);
+    assert_eq!(stopped.code, Some(75), "{}", stopped.err);
+    std::fs::remove_dir_all(bench.path("r/frames")).unwrap();
+    let resumed = bench.run(&["resume", "r"]);
+    assert_eq!(resumed.code, Some(0), "{}", resumed.err);
+    assert!(bench.path("r/frames/0006.vtp").exists());
+}
+
+#[test]
 fn checkpoints_that_cannot_be_used_are_refused_with_the_reason() {
     let bench = Bench::new();
     let wires = wires(&["stop.time=4 ms", "output.checkpoint=0.01 s", "output.frames=Never", "output.pictures=false"]);

@@ -226,7 +226,7 @@ impl<'a> Keeper<'a> {
                 self.notes.push(format!("checkpoint at t = {time:.4e}, step {step}"));
             }
             Some(Ok(Command::Frame)) => {
-                self.recorder.extra_frame(sim)?;
+                self.recorder.write_frame(sim)?;
                 self.notes.push(format!("frame at t = {time:.4e}, step {step}"));
             }
             Some(Err(word)) => self.notes.push(format!("`{word}` in the file `control` is no command: stop, checkpoint and frame are")),

@@ -158,11 +158,25 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// What the operating system says.
-    pub fn extra_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+    pub fn write_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
+        let (time, step) = (sim.world.resource::<Clock>().time, sim.world.resource::<Clock>().step);
+        if self.lines.lines.is_empty() || self.last.1 == Some(step) {
+            return Ok(());
+        }
+        self.last.1 = Some(step);
+        // Somebody may have tidied up since the run began.
         self.make_frame_folder()?;
-        self.write_frame(sim)
+        let name = format!("frames/{:04}.vtp", self.frames.len());
+        vtp::write(&self.folder.join(&name), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
+        if sim.world.contains_resource::<ContactSummary>() {
+            let name = format!("frames/contacts_{:04}.vtp", self.frames.len());
+            vtp::write(&self.folder.join(&name), &contact_frame(&mut sim.world, &self.provenance), time)?;
+            self.contact_frames.push((time, name));
+            vtp::write_series(&self.folder.join("contacts.pvd"), &self.contact_frames, &self.provenance)?;
+        }
+        self.frames.push((time, name));
+        vtp::write_series(&self.folder.join("results.pvd"), &self.frames, &self.provenance)
     }
-
     /// Writes a frame that stands for itself, outside the series: the last good state of a run that has failed. Returns its
     /// name, or none for a model without lines.
     ///
@@ -242,24 +256,6 @@ impl<'a> Recorder<'a> {
         let row = self.row(sim);
         self.last.0 = Some(step);
         self.history.as_mut().map_or(Ok(()), |h| h.row(&row))
-    }
-
-    fn write_frame(&mut self, sim: &mut Simulation) -> Result<(), OutputError> {
-        let (time, step) = (sim.world.resource::<Clock>().time, sim.world.resource::<Clock>().step);
-        if self.lines.lines.is_empty() || self.last.1 == Some(step) {
-            return Ok(());
-        }
-        self.last.1 = Some(step);
-        let name = format!("frames/{:04}.vtp", self.frames.len());
-        vtp::write(&self.folder.join(&name), &frame(&self.lines, &mut sim.world, &self.provenance), time)?;
-        if sim.world.contains_resource::<ContactSummary>() {
-            let name = format!("frames/contacts_{:04}.vtp", self.frames.len());
-            vtp::write(&self.folder.join(&name), &contact_frame(&mut sim.world, &self.provenance), time)?;
-            self.contact_frames.push((time, name));
-            vtp::write_series(&self.folder.join("contacts.pvd"), &self.contact_frames, &self.provenance)?;
-        }
-        self.frames.push((time, name));
-        vtp::write_series(&self.folder.join("results.pvd"), &self.frames, &self.provenance)
     }
 
     fn write_picture(&mut self, sim: &mut Simulation, name: &str) -> Result<(), OutputError> {

@@ -14,8 +14,9 @@ use super::lines::{Centrelines, Lines, xyz};
 use super::near::{ImageWay, Way, near};
 use braid_ecs::prelude::*;
 use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace};
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace};
 use rayon::prelude::*;
+use std::sync::Mutex;
 
 /// Two segments closer than the skin; the second one is shifted by the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -60,9 +61,6 @@ pub struct Search {
     /// Ways of the segments, by slot.
     #[serde(skip)]
     ways: Vec<Way>,
-    /// Pairs of leaves whose boxes meet.
-    #[serde(skip)]
-    pairs: Vec<Candidate>,
     /// Segment of each leaf: leaves are numbered without gaps.
     #[serde(skip)]
     leaves: Vec<u32>,
@@ -158,6 +156,7 @@ impl Search {
             self.leaves.clear();
             self.leaves.extend(lines.segments());
         }
+        out.clear();
         self.make_forecast(lines, now);
         self.measure_bulges(lines, now);
         self.make_ways(lines, now);
@@ -173,43 +172,56 @@ impl Search {
         }
         self.rebuilds += 1;
 
-        let zero = lines.images.zero();
-        let (mut workspace, mut pairs) = (std::mem::take(&mut self.workspace), std::mem::take(&mut self.pairs));
-        pairs.clear();
-        self.bvh.traverse_bvtt_single_tree::<false>(&mut workspace, &mut |a, b| {
-            let (a, b) = (self.leaves[a as usize], self.leaves[b as usize]);
-            pairs.push(Candidate { a: a.min(b), b: a.max(b), image: zero });
-        });
-        self.workspace = workspace;
-        if !self.bvh.is_empty() {
-            let root = self.bvh.root_aabb();
-            for image in lines.images.half() {
-                let (from, to) = (now.shift[image], now.shift[image] + self.forecast_shift[image] * self.ahead);
-                let (low, high) = (from.min(to), from.max(to));
-                if (0..3).any(|k| root.maxs[k] < root.mins[k] + low[k] || root.maxs[k] + high[k] < root.mins[k]) {
-                    continue;
-                }
-                let overlap = |a: &parry3d_f64::partitioning::BvhNode, b: &parry3d_f64::partitioning::BvhNode| {
-                    let (am, ax, bm, bx) = (a.mins(), a.maxs(), b.mins() + low, b.maxs() + high);
-                    am.cmple(bx).all() && bm.cmple(ax).all()
-                };
-                for (a, b) in self.bvh.leaf_pairs(&self.bvh, overlap) {
-                    let (a, b) = (self.leaves[a as usize], self.leaves[b as usize]);
-                    pairs.push(Candidate { a, b, image: image as Image });
-                }
-            }
-        }
         let half = |image: usize| self.forecast_shift[image] * (0.5 * self.ahead);
         let images: Vec<ImageWay> = (0..now.shift.len()).map(|i| ImageWay { shift: now.shift[i] + half(i), motion: half(i) }).collect();
-        let close = |range: std::ops::Range<usize>| {
-            let mut close = near(&self.ways, &images, &pairs[range]);
+        let mut workspace = std::mem::take(&mut self.workspace);
+        let found = Mutex::new(std::mem::take(out));
+        let look = |pairs: &[Candidate]| {
+            let mut close = near(&self.ways, &images, pairs);
             close.retain(|c| !excluded(*c));
-            close
+            found.lock().unwrap_or_else(|e| e.into_inner()).extend(close);
         };
-        out.clear();
-        out.extend(parallel::chunks(pairs.len(), CHUNK, close).into_iter().flatten());
+        // While this thread walks the tree, others walk it for the images and look at the pairs that were found.
+        rayon::scope(|scope| {
+            let (look, this) = (&look, &*self);
+            for image in lines.images.half() {
+                scope.spawn(move |_| this.image_pairs(now, image).chunks(CHUNK).for_each(look));
+            }
+            let zero = lines.images.zero();
+            let mut pairs = Vec::with_capacity(CHUNK);
+            self.bvh.traverse_bvtt_single_tree::<false>(&mut workspace, &mut |a, b| {
+                let (a, b) = (self.leaves[a as usize], self.leaves[b as usize]);
+                pairs.push(Candidate { a: a.min(b), b: a.max(b), image: zero });
+                if pairs.len() == CHUNK {
+                    let full = std::mem::replace(&mut pairs, Vec::with_capacity(CHUNK));
+                    scope.spawn(move |_| look(&full));
+                }
+            });
+            look(&pairs);
+        });
+        self.workspace = workspace;
+        *out = found.into_inner().unwrap_or_else(|e| e.into_inner());
+        // In whatever order they were found.
         out.par_sort_unstable();
-        self.pairs = pairs;
+    }
+
+    /// Pairs of segments whose boxes meet when the second one is shifted by an image.
+    fn image_pairs(&self, now: &Centrelines, image: usize) -> Vec<Candidate> {
+        if self.bvh.is_empty() {
+            return Vec::new();
+        }
+        let root = self.bvh.root_aabb();
+        let (from, to) = (now.shift[image], now.shift[image] + self.forecast_shift[image] * self.ahead);
+        let (low, high) = (from.min(to), from.max(to));
+        if (0..3).any(|k| root.maxs[k] < root.mins[k] + low[k] || root.maxs[k] + high[k] < root.mins[k]) {
+            return Vec::new();
+        }
+        let overlap = |a: &BvhNode, b: &BvhNode| {
+            let (am, ax, bm, bx) = (a.mins(), a.maxs(), b.mins() + low, b.maxs() + high);
+            am.cmple(bx).all() && bm.cmple(ax).all()
+        };
+        let segments = |(a, b): (u32, u32)| Candidate { a: self.leaves[a as usize], b: self.leaves[b as usize], image: image as Image };
+        self.bvh.leaf_pairs(&self.bvh, overlap).map(segments).collect()
     }
 
     /// Forecasts the motion until the next list, and limits the time that it is meant for.

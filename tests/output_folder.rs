@@ -113,11 +113,12 @@ fn a_folder_that_cannot_be_written_stops_the_run() {
     let loaded = load_text("strip.ron", STRIP.into(), &[], &sim.registry).unwrap();
     sim.build(&loaded.model).unwrap();
     let mut recorder = Recorder::new(&loaded, &mut sim, dir.path(), loaded.model.stop.time).unwrap();
-    // The folder of the frames is gone when the first frame comes.
+    // A file is in the place of the folder of the frames when the first frame comes.
     std::fs::remove_dir(dir.path().join("frames")).unwrap();
+    std::fs::write(dir.path().join("frames"), "").unwrap();
     let interval = recorder.interval(1e-6);
     assert_eq!(run::run(&mut sim, &loaded.model, interval, &mut recorder).unwrap(), Status::Stopped);
     assert!(sim.world.resource::<Clock>().step < 5);
     let error = recorder.error().expect("the error is kept").to_string();
-    assert!(error.contains("0000.vtp"), "{error}");
+    assert!(error.contains("create the folder") && error.contains("frames"), "{error}");
 }

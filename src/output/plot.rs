@@ -34,6 +34,8 @@ pub enum Mark {
     Line,
     /// Dots joined by a line: few points, each of them a result.
     Dots,
+    /// A thin dashed line in the colour of the series with this number, which is held against it.
+    LimitOf(usize),
 }
 
 /// One curve.
@@ -127,6 +129,11 @@ fn draw(area: &Area<'_>, plot: &Plot) {
     let y = range(curves.iter().flatten().flat_map(|p| p[1..].iter().copied()), plot.y.log, 0.05);
     let mut chart = frame(area, &plot.title, (&plot.x, x), (&plot.y, y));
     for (i, (series, points)) in plot.series.iter().zip(&curves).enumerate() {
+        if let Mark::LimitOf(other) = series.mark {
+            let style = COLOURS[other % COLOURS.len()].stroke_width(1);
+            chart.draw_series(DashedLineSeries::new(points.iter().map(|p| (p[0], p[1])), 5, 4, style)).expect(SVG);
+            continue;
+        }
         let colour = COLOURS[i % COLOURS.len()];
         let style = colour.stroke_width(2);
         let line = chart.draw_series(LineSeries::new(points.iter().map(|p| (p[0], p[1])), style)).expect(SVG);

@@ -158,7 +158,7 @@ fn convergence(results: &Results) -> String {
         );
     }
     h + "</table></div>\n<p>The limit is 2 s / √n over the value at the last point, with the standard deviation s averaged over the points; \
-         a given tolerance for outcomes without an interval.</p>\n"
+         a given tolerance for outcomes without an interval; the diagrams show it dashed.</p>\n"
 }
 
 fn uncertain(results: &Results) -> String {

@@ -208,18 +208,19 @@ fn solve_tensions(
 
     let columns_of_nodes = (x, &*v, &*f, w);
     let count = packs.iter().map(Pack::count).sum();
-    each(packs, count, |p| p.solve(step, columns_of_nodes, jumps));
-    if !border.is_empty() {
-        border_velocity(step, packs, constraints, border);
-    }
     let mut tension = columns(&mut bars).1;
-    let mut rest = &mut tension.bypass_change_detection()[..];
-    let own = packs.iter_mut().map(|p| {
-        let (own, others) = std::mem::take(&mut rest).split_at_mut(p.count());
-        rest = others;
-        (p, own)
-    });
-    each(&mut own.collect::<Vec<_>>(), count, |(pack, tensions)| pack.finish(step, border, tensions));
+    let tension = tension.bypass_change_detection();
+    if border.is_empty() {
+        // In one go, while the bars of a pack are at hand.
+        each(&mut with_tensions(packs, tension), count, |(pack, tensions)| {
+            pack.solve(step, columns_of_nodes, jumps);
+            pack.finish(step, &[], tensions);
+        });
+    } else {
+        each(packs, count, |pack| pack.solve(step, columns_of_nodes, jumps));
+        border_velocity(step, packs, constraints, border);
+        each(&mut with_tensions(packs, tension), count, |(pack, tensions)| pack.finish(step, border, tensions));
+    }
     *turning_step = packs.iter().map(|p| p.turning_step).fold(f64::INFINITY, f64::min);
     *last = packs.iter().map(|p| p.done).sum();
     let packs = &*packs;
@@ -244,6 +245,16 @@ fn solve_tensions(
             }
         }
     }
+}
+
+/// Every pack with the tensions of its bars.
+fn with_tensions<'a>(packs: &'a mut [Pack], mut tensions: &'a mut [Tension]) -> Vec<(&'a mut Pack, &'a mut [Tension])> {
+    let of = |pack: &'a mut Pack| {
+        let (own, others) = std::mem::take(&mut tensions).split_at_mut(pack.count());
+        tensions = others;
+        (pack, own)
+    };
+    packs.iter_mut().map(of).collect()
 }
 
 /// Runs `f` on every pack, in parallel where it pays with so many bars.

@@ -177,6 +177,7 @@ impl<'a> Recorder<'a> {
         self.frames.push((time, name));
         vtp::write_series(&self.folder.join("results.pvd"), &self.frames, &self.provenance)
     }
+
     /// Writes a frame that stands for itself, outside the series: the last good state of a run that has failed. Returns its
     /// name, or none for a model without lines.
     ///

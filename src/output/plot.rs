@@ -60,6 +60,10 @@ impl Series {
     pub fn dots(label: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Series { label: label.into(), points, mark: Mark::Dots, ..Default::default() }
     }
+    /// What the series with this number is held against.
+    pub fn limit_of(series: usize, points: Vec<(f64, f64)>) -> Self {
+        Series { points, mark: Mark::LimitOf(series), ..Default::default() }
+    }
 }
 
 /// A diagram.

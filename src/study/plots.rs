@@ -1,14 +1,14 @@
 //! The diagrams of a study.
 use super::StudyError;
-use super::chart::{self, RowChart};
-use super::convergence::{Convergence, along_axis};
+use super::chart::{Mark, RowChart};
+use super::convergence::along_axis;
 use super::plan::Plan;
 use super::results::{Results, RowResult, Value, reference_floor, reference_half_width};
 use super::scatter::{Point, Scatter};
 use super::schema::{ErrorSpec, PublishedSpec};
 use crate::output::OutputError;
 use crate::output::file::write_atomic;
-use crate::output::plot::{Axis, Mark, Plot, Series, line_plot, panels};
+use crate::output::plot::{Axis, Plot, Series, line_plot, panels};
 use std::path::Path;
 
 /// Width of the diagrams in pixels.
@@ -65,14 +65,14 @@ impl Charts<'_> {
         title: &str,
         x: Axis,
         bars: bool,
-        mark: impl Fn(&RowResult) -> chart::Mark,
+        mark: impl Fn(&RowResult) -> Mark,
         other: impl Fn(&PublishedSpec) -> Option<Other>,
     ) -> String {
         let row = |r: &RowResult| {
             let others = published(self.plan, r).into_iter().filter_map(|(s, p)| other(p).map(|(v, c)| (s, v, c)));
-            chart::Mark { label: r.label(), is_reference: r.is_reference, others: others.collect(), ..mark(r) }
+            Mark { label: r.label(), is_reference: r.is_reference, others: others.collect(), ..mark(r) }
         };
-        let rows: Vec<chart::Mark> = self.results.rows.iter().map(row).collect();
+        let rows: Vec<Mark> = self.results.rows.iter().map(row).collect();
         let sources = if rows.iter().all(|r| r.others.is_empty()) { Vec::new() } else { self.sources.clone() };
         RowChart { title: title.into(), x, rows, bars, sources }.svg(WIDTH)
     }
@@ -93,21 +93,17 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
     let compared = results.rows.iter().any(|r| r.reference.is_some());
     for (k, o) in plan.file.study.outcomes.iter().enumerate() {
         let unit = &plan.units[&o.name];
-        let value = |r: &RowResult| chart::Mark {
-            value: r.outcomes[k].value,
-            half_width: r.outcomes[k].ci95,
-            band: c.band(r, k),
-            ..chart::Mark::default()
-        };
+        let value =
+            |r: &RowResult| Mark { value: r.outcomes[k].value, half_width: r.outcomes[k].ci95, band: c.band(r, k), ..Mark::default() };
         let other = |p: &PublishedSpec| p.values.get(&o.name).map(|v| (v.value, v.ci95));
         let file = file_name(&o.name);
         add(format!("value_{file}"), c.chart(&o.name, Axis::linear(format!("{} [{unit}]", o.name)), false, value, other));
         if compared && o.error != ErrorSpec::None {
-            let mark = |r: &RowResult| chart::Mark {
+            let mark = |r: &RowResult| Mark {
                 value: r.outcomes[k].error.map(|e| 100.0 * e),
                 half_width: r.outcomes[k].error_ci95.filter(|_| r.outcomes[k].error.is_some()).map(|e| 100.0 * e),
                 band: plan.file.study.reference_uncertainty.get(&o.name).map(|u| (0.0, 100.0 * u.0)),
-                ..chart::Mark::default()
+                ..Mark::default()
             };
             let other = |p: &PublishedSpec| p.errors.get(&o.name).map(|e| (100.0 * e.0, None));
             let title = format!("Error of {}", o.name);
@@ -116,11 +112,11 @@ fn draw(plan: &Plan, results: &Results) -> Vec<Drawn> {
     }
     if compared {
         let band = reference_floor(&plan.file.study).map(|f| (0.0, 100.0 * f));
-        let mark = |r: &RowResult| chart::Mark { value: r.cumulated.map(|e| 100.0 * e), band, ..chart::Mark::default() };
+        let mark = |r: &RowResult| Mark { value: r.cumulated.map(|e| 100.0 * e), band, ..Mark::default() };
         let other = |p: &PublishedSpec| p.cumulated.map(|e| (100.0 * e.0, None));
         add("cumulated_error".into(), c.chart("Cumulated error", Axis::linear("sum of the errors [%]"), true, mark, other));
     }
-    let mark = |r: &RowResult| chart::Mark { value: r.wall_s, ..chart::Mark::default() };
+    let mark = |r: &RowResult| Mark { value: r.wall_s, ..Mark::default() };
     let other = |p: &PublishedSpec| p.wall.map(|w| (w.0, None));
     add("wall_time".into(), c.chart("Calculation time", Axis::log("wall time [s]"), true, mark, other));
     if compared {
@@ -180,17 +176,14 @@ fn error_over_axis(plan: &Plan, results: &Results) -> Option<(String, String)> {
 fn convergence(plan: &Plan, results: &Results) -> String {
     let study = &plan.file.study;
     let plot = |name: &String| {
-        let of_outcome: Vec<&Convergence> = results.convergence.iter().filter(|c| c.outcome == *name).collect();
-        let changes = of_outcome.iter().map(|c| {
+        let of_outcome = || results.convergence.iter().filter(|c| c.outcome == *name);
+        let changes = of_outcome().map(|c| {
             let points = c.changes.iter().enumerate().filter_map(|(i, v)| Some((place(&c.points[i], i), 100.0 * (*v)?)));
             Series::dots(c.labels.join(", "), points.collect())
         });
         let mut series: Vec<Series> = changes.collect();
-        for (k, c) in of_outcome.iter().enumerate() {
-            let Some(limit) = c.limit else { continue };
-            let ends = series[k].points.first().zip(series[k].points.last()).map(|(a, b)| [a.0, b.0]);
-            let points = ends.map_or(Vec::new(), |ends| ends.map(|x| (x, 100.0 * limit)).to_vec());
-            series.push(Series { points, mark: Mark::LimitOf(k), ..Series::default() });
+        for (k, c) in of_outcome().enumerate() {
+            series.extend(c.limit.map(|limit| Series::limit_of(k, series[k].points.iter().map(|p| (p.0, 100.0 * limit)).collect())));
         }
         Plot {
             title: format!("Change of {name} from the point before"),

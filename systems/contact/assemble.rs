@@ -114,8 +114,6 @@ fn by_groups<A: Sync, B: Send, C: Send>(
         a.par_chunks(CHUNK).zip(b.par_chunks_mut(CHUNK)).zip(c.par_chunks_mut(CHUNK)).enumerate().map(of).collect()
     };
     let mut sum = Totals::default();
-    sum.touching.reserve(parts.iter().map(|p| p.touching.len()).sum());
-    sum.bearing.reserve(parts.iter().map(|p| p.bearing.len()).sum());
     parts.into_iter().for_each(|part| sum.add(part));
     sum
 }

@@ -156,7 +156,6 @@ impl Search {
             self.leaves.clear();
             self.leaves.extend(lines.segments());
         }
-        out.clear();
         self.make_forecast(lines, now);
         self.measure_bulges(lines, now);
         self.make_ways(lines, now);
@@ -175,6 +174,7 @@ impl Search {
         let half = |image: usize| self.forecast_shift[image] * (0.5 * self.ahead);
         let images: Vec<ImageWay> = (0..now.shift.len()).map(|i| ImageWay { shift: now.shift[i] + half(i), motion: half(i) }).collect();
         let mut workspace = std::mem::take(&mut self.workspace);
+        out.clear();
         let found = Mutex::new(std::mem::take(out));
         let look = |pairs: &[Candidate]| {
             let mut close = near(&self.ways, &images, pairs);

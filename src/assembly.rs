@@ -282,21 +282,34 @@ pub fn node_states(world: &mut World) -> Vec<NodeState> {
         .collect()
 }
 
+/// What `of` says of every element of a kind, from its rows and the states of its nodes; in order, chunk by chunk.
+fn survey<E: Element<N>, const N: usize, T: Send>(
+    world: &mut World,
+    of: impl Fn(&E, [u32; N], [NodeState; N]) -> T + Sync,
+) -> Vec<Vec<T>> {
+    let states = node_states(world);
+    let mut query = world.query::<(&E, &Connectivity<N>)>();
+    let mut query = query.query(world);
+    let (elements, ends) = columns(&mut query);
+    parallel::chunks(elements.len(), CHUNK, |range| {
+        elements[range.clone()].iter().zip(&ends[range]).map(|(e, c)| of(e, c.0, c.0.map(|r| states[r as usize]))).collect()
+    })
+}
+
 fn strain_energy<E: Element<N>, const N: usize>(world: &mut World) -> f64 {
-    let mut sum = 0.0;
-    visit::<E, N>(world, |_, e, _, s| sum += e.strain_energy(s));
-    sum
+    survey::<E, N, _>(world, |e, _, s| e.strain_energy(s)).iter().flatten().sum()
 }
 
 fn stiffness<E: Element<N>, const N: usize>(world: &mut World, out: &mut [StiffnessBound]) {
     let mut query = world.query::<(&Mass, Option<&RotaryInertia>)>();
     let masses: Vec<NodeMass> = query.iter(world).map(|(m, j)| NodeMass { mass: m.0, inertia: j.map_or(0.0, |j| j.0) }).collect();
-    visit::<E, N>(world, |_, e, rows, s| {
-        for (k, b) in e.stiffness_bound(s, rows.map(|r| masses[r as usize])).into_iter().enumerate() {
-            out[rows[k] as usize].translation += b.translation;
-            out[rows[k] as usize].rotation += b.rotation;
+    let bounds = survey::<E, N, _>(world, |e, rows, s| (rows, e.stiffness_bound(s, rows.map(|r| masses[r as usize]))));
+    for (rows, bounds) in bounds.into_iter().flatten() {
+        for (row, b) in rows.into_iter().zip(bounds) {
+            out[row as usize].translation += b.translation;
+            out[row as usize].rotation += b.rotation;
         }
-    });
+    }
 }
 
 fn section_force<E: Element<N>, const N: usize>(world: &mut World, index: usize) -> Option<SectionForce> {

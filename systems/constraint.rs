@@ -13,6 +13,7 @@
 //! Source: S. M. Shephard, *Int. J. Numer. Methods Eng.* 20 (1984) 2107-2121 for the elimination.
 use braid_ecs::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 /// Registers equations and periodic pairs.
 pub fn plugin(sim: &mut Simulation) {
@@ -31,7 +32,8 @@ fn index(row: usize, dof: usize) -> Index {
 struct Dependent {
     dof: Index,
     constant: f64,
-    terms: Vec<(Index, f64)>,
+    /// Its part of [`Constraints::terms`].
+    terms: Range<usize>,
     /// True if the position can be imposed and not only the velocity (no rotation involved).
     positional: bool,
 }
@@ -41,24 +43,33 @@ struct Dependent {
 struct Interior {
     dof: Index,
     mass: f64,
-    coupling: Vec<(usize, f64)>,
+    /// Its part of [`Constraints::couplings`].
+    couplings: Range<usize>,
 }
 
 /// The constraints of a model in solved form.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Constraints {
     dependents: Vec<Dependent>,
+    /// Independents and coefficients of all dependents, one behind the other.
+    terms: Vec<(Index, f64)>,
     interior: Vec<Interior>,
+    /// Border members and masses that couple the interior to them, one behind the other.
+    couplings: Vec<(usize, f64)>,
     border: Vec<Index>,
     /// Diagonal of the border block of T^t M T.
     border_mass: Vec<f64>,
     /// Inverse of the Schur complement, row by row.
     schur_inverse: Vec<f64>,
+    /// Velocities that the interior takes from each border member, in order.
+    responses: Vec<Vec<(Index, f64)>>,
     /// Initial coordinates of all degrees of freedom.
     initial: Vec<f64>,
     /// All degrees of freedom that take part, sorted, and room for one value of each.
     touched: Vec<Index>,
     scratch: Vec<f64>,
+    /// Room for one value of each dependent.
+    values: Vec<f64>,
     /// The same lists as above, as places in `touched`.
     local: LocalPlaces,
     /// Images of periodic pairs by row, and rows that take part in general equations.
@@ -71,7 +82,8 @@ pub struct Constraints {
 
 #[derive(Clone, Debug, Default)]
 struct LocalPlaces {
-    dependents: Vec<(usize, Vec<(usize, f64)>)>,
+    dependents: Vec<usize>,
+    terms: Vec<usize>,
     interior: Vec<usize>,
     border: Vec<usize>,
 }
@@ -109,8 +121,8 @@ impl Constraints {
 
     /// Velocity of (row, axis) per unit velocity of border member `j` when no other impulse acts.
     pub fn response(&self, row: usize, axis: usize, j: usize) -> f64 {
-        let d = index(row, axis);
-        self.interior.iter().find(|i| i.dof == d).and_then(|i| i.coupling.iter().find(|c| c.0 == j).map(|c| -c.1 / i.mass)).unwrap_or(0.0)
+        let of = &self.responses[j];
+        of.binary_search_by_key(&index(row, axis), |r| r.0).map_or(0.0, |k| of[k].1)
     }
 
     /// The border member that is (row, axis), if it is one.
@@ -129,25 +141,26 @@ impl Constraints {
 
     /// Velocity change of every interior degree of freedom (row, dof) per unit of border member `j`.
     pub fn responses(&self, j: usize) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
-        self.interior.iter().filter_map(move |i| {
-            let (_, b) = i.coupling.iter().find(|c| c.0 == j)?;
-            Some((i.dof as usize / 6, i.dof as usize % 6, -b / i.mass))
-        })
+        self.responses[j].iter().map(|(i, response)| (*i as usize / 6, *i as usize % 6, *response))
+    }
+
+    fn terms_of(&self, d: &Dependent) -> &[(Index, f64)] {
+        &self.terms[d.terms.clone()]
     }
 
     fn index_places(&mut self) {
         let mut all: BTreeSet<Index> = self.border.iter().copied().collect();
         all.extend(self.interior.iter().map(|i| i.dof));
-        for d in &self.dependents {
-            all.insert(d.dof);
-            all.extend(d.terms.iter().map(|t| t.0));
-        }
+        all.extend(self.dependents.iter().map(|d| d.dof));
+        all.extend(self.terms.iter().map(|t| t.0));
         self.touched = all.into_iter().collect();
         self.scratch = vec![0.0; self.touched.len()];
+        self.values = vec![0.0; self.dependents.len()];
         self.border_residual = vec![0.0; self.border.len()];
         let place = |i: Index| self.touched.binary_search(&i).expect("every degree of freedom is in the list");
         self.local = LocalPlaces {
-            dependents: self.dependents.iter().map(|d| (place(d.dof), d.terms.iter().map(|t| (place(t.0), t.1)).collect())).collect(),
+            dependents: self.dependents.iter().map(|d| place(d.dof)).collect(),
+            terms: self.terms.iter().map(|t| place(t.0)).collect(),
             interior: self.interior.iter().map(|i| place(i.dof)).collect(),
             border: self.border.iter().map(|b| place(*b)).collect(),
         };
@@ -156,9 +169,9 @@ impl Constraints {
     /// Turns the raw forces in `scratch` into effective ones (module text).
     fn condense_scratch(&mut self) {
         let f = &mut self.scratch;
-        for (d, terms) in &self.local.dependents {
-            let value = std::mem::take(&mut f[*d]);
-            for (t, c) in terms {
+        for (d, place) in self.dependents.iter().zip(&self.local.dependents) {
+            let value = std::mem::take(&mut f[*place]);
+            for ((_, c), t) in self.terms[d.terms.clone()].iter().zip(&self.local.terms[d.terms.clone()]) {
                 f[*t] += c * value;
             }
         }
@@ -171,13 +184,13 @@ impl Constraints {
         }
         let mut rhs = self.border_residual.clone();
         for (i, place) in self.interior.iter().zip(&self.local.interior) {
-            for (j, b) in &i.coupling {
+            for (j, b) in &self.couplings[i.couplings.clone()] {
                 rhs[*j] -= b * f[*place] / i.mass;
             }
         }
         let acceleration: Vec<f64> = (0..n).map(|i| (0..n).map(|j| self.schur_inverse[i * n + j] * rhs[j]).sum()).collect();
         for (i, place) in self.interior.iter().zip(&self.local.interior) {
-            for (j, b) in &i.coupling {
+            for (j, b) in &self.couplings[i.couplings.clone()] {
                 f[*place] -= b * acceleration[*j];
             }
         }
@@ -188,7 +201,7 @@ impl Constraints {
 
     /// Row, axis and terms (row x 6 + dof, coefficient) of every dependent displacement.
     pub fn dependent_displacements(&self) -> impl Iterator<Item = (usize, usize, &[(u32, f64)])> + '_ {
-        self.dependents.iter().filter(|d| d.dof % 6 < 3).map(|d| (d.dof as usize / 6, d.dof as usize % 6, d.terms.as_slice()))
+        self.dependents.iter().filter(|d| d.dof % 6 < 3).map(|d| (d.dof as usize / 6, d.dof as usize % 6, self.terms_of(d)))
     }
 
     /// Rows of all dependents, sorted.
@@ -200,7 +213,7 @@ impl Constraints {
     /// T v: fills the dependents of a vector of all degrees of freedom (row x 6 + dof).
     pub fn impose_on(&self, v: &mut [f64]) {
         for d in &self.dependents {
-            v[d.dof as usize] = d.terms.iter().map(|(t, c)| c * v[*t as usize]).sum();
+            v[d.dof as usize] = self.terms_of(d).iter().map(|(t, c)| c * v[*t as usize]).sum();
         }
     }
 
@@ -208,7 +221,7 @@ impl Constraints {
     pub fn condense_on(&self, f: &mut [f64]) {
         for d in &self.dependents {
             let value = std::mem::take(&mut f[d.dof as usize]);
-            for (t, c) in &d.terms {
+            for (t, c) in self.terms_of(d) {
                 f[*t as usize] += c * value;
             }
         }
@@ -238,7 +251,7 @@ fn install(cx: &mut Install<'_>) {
     }
     constraints.in_equations =
         cx.model.equations.iter().flat_map(|e| &e.terms).filter(|t| !t.dof.is_rotation()).map(|t| cx.row(t.node)).collect();
-    let rotational = constraints.dependents.iter().any(|d| d.dof % 6 >= 3 || d.terms.iter().any(|t| t.0 % 6 >= 3));
+    let rotational = constraints.dependents.iter().map(|d| d.dof).chain(constraints.terms.iter().map(|t| t.0)).any(|i| i % 6 >= 3);
     // Independents and border members move with the mass of what hangs on them.
     let mut inverse = vec![];
     for i in &constraints.interior {
@@ -380,16 +393,24 @@ fn build(cx: &Install<'_>) -> Result<Constraints, String> {
             return Err(format!("the prescribed {} is also a dependent of {}", word(d), solved[&d].2));
         }
     }
+    let mut terms = Vec::new();
     let dependents: Vec<Dependent> = solved
         .into_iter()
-        .map(|(dof, (terms, constant, _))| {
-            let positional = dof % 6 < 3 && terms.iter().all(|t| t.0 % 6 < 3);
-            Dependent { dof, constant, terms, positional }
+        .map(|(dof, (own, constant, _))| {
+            let positional = dof % 6 < 3 && own.iter().all(|t| t.0 % 6 < 3);
+            Dependent { dof, constant, terms: appended(&mut terms, own), positional }
         })
         .collect();
     let (masses, initial) = masses_and_positions(cx, rotations);
     let is_dummy = |i: Index| cx.model.nodes[rows.id(i as usize / 6).row()].dummy;
-    reduce_mass(dependents, &masses, initial, is_held, is_dummy, word)
+    reduce_mass(dependents, terms, &masses, initial, is_held, is_dummy, word)
+}
+
+/// Puts some behind all the others; returns where they are.
+fn appended<T>(all: &mut Vec<T>, some: impl IntoIterator<Item = T>) -> Range<usize> {
+    let from = all.len();
+    all.extend(some);
+    from..all.len()
 }
 
 /// Mass of every degree of freedom by index, and initial coordinates of the displacements.
@@ -409,6 +430,7 @@ fn masses_and_positions(cx: &Install<'_>, rotations: bool) -> (Vec<f64>, Vec<f64
 /// T^t M T, split into interior and border, and the inverse of the Schur complement.
 fn reduce_mass(
     dependents: Vec<Dependent>,
+    terms: Vec<(Index, f64)>,
     masses: &[f64],
     initial: Vec<f64>,
     is_held: impl Fn(Index) -> bool,
@@ -417,7 +439,7 @@ fn reduce_mass(
 ) -> Result<Constraints, String> {
     let mut matrix: BTreeMap<(Index, Index), f64> = BTreeMap::new();
     for d in &dependents {
-        let free: Vec<_> = d.terms.iter().filter(|t| !is_held(t.0)).collect();
+        let free: Vec<_> = terms[d.terms.clone()].iter().filter(|t| !is_held(t.0)).collect();
         for (i, ci) in &free {
             matrix.entry((*i, *i)).or_insert_with(|| masses[*i as usize]);
             for (j, cj) in &free {
@@ -451,18 +473,17 @@ fn reduce_mass(
     border.sort_unstable();
     let place = |i: Index| border.binary_search(&i).ok();
     let n = border.len();
-    let mut interior = Vec::new();
+    let (mut interior, mut couplings) = (Vec::new(), Vec::new());
     for ((i, j), m) in &matrix {
         if i == j && place(*i).is_none() {
             if *m <= 0.0 {
                 return Err(format!("the {} can move but has no mass", word(*i)));
             }
-            let coupling = matrix
+            let own = matrix
                 .range((*i, 0)..=(*i, Index::MAX))
                 .filter(|((_, k), m)| k != i && **m != 0.0)
-                .map(|((_, k), m)| (place(*k).expect("the border covers every coupling"), *m))
-                .collect();
-            interior.push(Interior { dof: *i, mass: *m, coupling });
+                .map(|((_, k), m)| (place(*k).expect("the border covers every coupling"), *m));
+            interior.push(Interior { dof: *i, mass: *m, couplings: appended(&mut couplings, own) });
         }
     }
     let mut schur = vec![0.0; n * n];
@@ -473,15 +494,23 @@ fn reduce_mass(
     }
     let border_mass: Vec<f64> = (0..n).map(|a| schur[a * n + a]).collect();
     for i in &interior {
-        for (a, ma) in &i.coupling {
-            for (b, mb) in &i.coupling {
+        let own = &couplings[i.couplings.clone()];
+        for (a, ma) in own {
+            for (b, mb) in own {
                 schur[a * n + b] -= ma * mb / i.mass;
             }
         }
     }
     let schur_inverse =
         invert(schur, n).ok_or_else(|| format!("the {} can move but has no mass", border.first().map_or(String::new(), |b| word(*b))))?;
-    let mut constraints = Constraints { dependents, interior, border, border_mass, schur_inverse, initial, ..Default::default() };
+    let mut responses = vec![Vec::new(); n];
+    for i in &interior {
+        for (j, b) in &couplings[i.couplings.clone()] {
+            responses[*j].push((i.dof, -b / i.mass));
+        }
+    }
+    let mut constraints =
+        Constraints { dependents, terms, interior, couplings, border, border_mass, schur_inverse, responses, initial, ..Default::default() };
     constraints.index_places();
     Ok(constraints)
 }
@@ -514,78 +543,103 @@ fn invert(mut a: Vec<f64>, n: usize) -> Option<Vec<f64>> {
     Some(inv)
 }
 
-/// Dependents take their velocities before anything moves, so that orientations and positions of
-/// independents and dependents are integrated over the same step.
-fn follow_velocities(constraints: Res<Constraints>, mut nodes: Query<&mut Velocity>) {
-    let mut v = columns(&mut nodes);
-    let v = v.bypass_change_detection();
-    for d in &constraints.dependents {
-        v[d.dof as usize / 6].0[d.dof as usize % 6] = d.terms.iter().map(|(t, c)| c * v[*t as usize / 6].0[*t as usize % 6]).sum();
+/// Dependents and places per parallel chunk: most of the time goes to fetching their rows.
+const CHUNK: usize = 1024;
+
+/// Row and degree of freedom of an index.
+#[inline(always)]
+fn place(i: Index) -> (usize, usize) {
+    (i as usize / 6, i as usize % 6)
+}
+
+impl Constraints {
+    /// Finds what `of` makes of each dependent and its terms.
+    fn derive(&mut self, of: impl Fn(&Constraints, &Dependent, &[(Index, f64)]) -> f64 + Sync) {
+        let mut values = std::mem::take(&mut self.values);
+        parallel::zip2(&mut values, &self.dependents, CHUNK, |value, d| *value = of(self, d, self.terms_of(d)));
+        self.values = values;
+    }
+
+    /// The sum of the terms of each dependent; `get` knows the independents by row and degree of freedom.
+    fn derive_sums(&mut self, get: impl Fn((usize, usize)) -> f64 + Sync) {
+        self.derive(|_, _, terms| terms.iter().map(|(t, c)| c * get(place(*t))).sum());
+    }
+
+    /// The dependents, with what was found of them.
+    fn derived(&self) -> impl Iterator<Item = (&Dependent, f64)> {
+        self.dependents.iter().zip(self.values.iter().copied())
+    }
+
+    /// Turns the forces of all that take part, by row and degree of freedom, into effective ones.
+    fn condense_with(&mut self, get: impl Fn((usize, usize)) -> f64 + Sync) {
+        parallel::zip2(&mut self.scratch, &self.touched, CHUNK, |local, i| *local = get(place(*i)));
+        self.condense_scratch();
+    }
+
+    /// All that take part, with their effective forces.
+    fn condensed(&self) -> impl Iterator<Item = ((usize, usize), f64)> {
+        self.touched.iter().map(|i| place(*i)).zip(self.scratch.iter().copied())
     }
 }
 
-fn follow_velocities_with_rotations(constraints: Res<Constraints>, mut nodes: Query<(&mut Velocity, &mut AngularVelocity)>) {
+/// Dependents take their velocities before anything moves, so that orientations and positions of
+/// independents and dependents are integrated over the same step.
+fn follow_velocities(mut constraints: ResMut<Constraints>, mut nodes: Query<&mut Velocity>) {
+    let mut v = columns(&mut nodes);
+    let v = v.bypass_change_detection();
+    constraints.derive_sums(|(row, k)| v[row].0[k]);
+    for (d, value) in constraints.derived() {
+        let (row, k) = place(d.dof);
+        v[row].0[k] = value;
+    }
+}
+
+fn follow_velocities_with_rotations(mut constraints: ResMut<Constraints>, mut nodes: Query<(&mut Velocity, &mut AngularVelocity)>) {
     let (mut v, mut w) = columns(&mut nodes);
     let (v, w) = (v.bypass_change_detection(), w.bypass_change_detection());
-    for d in &constraints.dependents {
-        let rate: f64 = d
-            .terms
-            .iter()
-            .map(|(t, c)| {
-                let (r, k) = (*t as usize / 6, *t as usize % 6);
-                c * if k < 3 { v[r].0[k] } else { w[r].0[k - 3] }
-            })
-            .sum();
-        let (row, dof) = (d.dof as usize / 6, d.dof as usize % 6);
-        if dof < 3 {
-            v[row].0[dof] = rate;
-        } else {
-            w[row].0[dof - 3] = rate;
+    constraints.derive_sums(|(row, k)| if k < 3 { v[row].0[k] } else { w[row].0[k - 3] });
+    for (d, value) in constraints.derived() {
+        match place(d.dof) {
+            (row, k @ ..3) => v[row].0[k] = value,
+            (row, k) => w[row].0[k - 3] = value,
         }
     }
 }
 
 /// Positions of dependents from those of the independents: the equation holds to rounding for ever.
-fn impose(constraints: Res<Constraints>, mut nodes: Query<&mut Position>) {
+fn impose(mut constraints: ResMut<Constraints>, mut nodes: Query<&mut Position>) {
     let mut x = columns(&mut nodes);
     let x = x.bypass_change_detection();
-    for d in constraints.dependents.iter().filter(|d| d.positional) {
-        let mut u = d.constant;
-        for (t, c) in &d.terms {
-            u += c * (x[*t as usize / 6].0[*t as usize % 6] - constraints.initial[*t as usize]);
-        }
-        x[d.dof as usize / 6].0[d.dof as usize % 6] = constraints.initial[d.dof as usize] + u;
+    constraints.derive(|all, d, terms| {
+        let moved = |(t, c): &(Index, f64)| {
+            let (row, k) = place(*t);
+            c * (x[row].0[k] - all.initial[*t as usize])
+        };
+        if d.positional { all.initial[d.dof as usize] + terms.iter().fold(d.constant, |u, t| u + moved(t)) } else { 0.0 }
+    });
+    for (d, value) in constraints.derived().filter(|(d, _)| d.positional) {
+        let (row, k) = place(d.dof);
+        x[row].0[k] = value;
     }
 }
 
 fn condense(mut constraints: ResMut<Constraints>, mut nodes: Query<&mut Force>) {
     let mut f = columns(&mut nodes);
     let f = f.bypass_change_detection();
-    let constraints = &mut *constraints;
-    for (local, d) in constraints.scratch.iter_mut().zip(&constraints.touched) {
-        *local = f[*d as usize / 6].0[*d as usize % 6];
-    }
-    constraints.condense_scratch();
-    for (local, d) in constraints.scratch.iter().zip(&constraints.touched) {
-        f[*d as usize / 6].0[*d as usize % 6] = *local;
+    constraints.condense_with(|(row, k)| f[row].0[k]);
+    for ((row, k), value) in constraints.condensed() {
+        f[row].0[k] = value;
     }
 }
 
 fn condense_with_rotations(mut constraints: ResMut<Constraints>, mut nodes: Query<(&mut Force, &mut Moment)>) {
     let (mut f, mut m) = columns(&mut nodes);
     let (f, m) = (f.bypass_change_detection(), m.bypass_change_detection());
-    let constraints = &mut *constraints;
-    for (local, d) in constraints.scratch.iter_mut().zip(&constraints.touched) {
-        let (row, k) = (*d as usize / 6, *d as usize % 6);
-        *local = if k < 3 { f[row].0[k] } else { m[row].0[k - 3] };
-    }
-    constraints.condense_scratch();
-    for (local, d) in constraints.scratch.iter().zip(&constraints.touched) {
-        let (row, k) = (*d as usize / 6, *d as usize % 6);
-        if k < 3 {
-            f[row].0[k] = *local;
-        } else {
-            m[row].0[k - 3] = *local;
+    constraints.condense_with(|(row, k)| if k < 3 { f[row].0[k] } else { m[row].0[k - 3] });
+    for (at, value) in constraints.condensed() {
+        match at {
+            (row, k @ ..3) => f[row].0[k] = value,
+            (row, k) => m[row].0[k - 3] = value,
         }
     }
 }

@@ -21,10 +21,15 @@ pub struct Builder {
     /// Pairs of close segments.
     pub candidates: Vec<Candidate>,
     /// Line records, sorted.
-    pub lines: Vec<(LineRecord, LineState)>,
+    pub lines: Vec<LineFound>,
     /// Point records, sorted.
-    pub points: Vec<(PointRecord, PointState)>,
+    pub points: Vec<PointFound>,
 }
+
+/// A line record, and what it remembers.
+pub type LineFound = (LineRecord, LineState);
+/// A point record, and what it remembers.
+pub type PointFound = (PointRecord, PointState);
 
 /// True if two segments can never touch: they share a node, or are neighbours along a filament.
 pub fn excluded(lines: &Lines, c: Candidate) -> bool {
@@ -79,8 +84,8 @@ fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64)
 /// Records found among some of the candidates.
 #[derive(Default)]
 struct Found {
-    lines: Vec<(LineRecord, LineState)>,
-    points: Vec<(PointRecord, PointState)>,
+    lines: Vec<LineFound>,
+    points: Vec<PointFound>,
 }
 
 impl Found {
@@ -204,70 +209,62 @@ impl Builder {
         }
         self.lines.par_sort_by_key(|(r, _)| (r.node, r.image, r.segment));
         self.merge_lines(lines);
-        self.points.sort_by_key(|(r, _)| (r.segments, r.image));
+        self.points.par_sort_by_key(|(r, _)| (r.segments, r.image));
         self.merge_points(lines);
     }
 
     /// Keeps one of several records of a node at the same place of a filament.
     fn merge_lines(&mut self, lines: &Lines) {
-        let mut kept = 0;
-        for k in 0..self.lines.len() {
-            let (record, state) = self.lines[k];
-            let place = (record.segment, state.t, record.image);
-            let twice = self.lines[..kept]
-                .iter()
-                .rev()
-                .take_while(|(r, _)| r.node == record.node)
-                .any(|(r, s)| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME));
-            if !twice {
-                self.lines[kept] = (record, state);
-                kept += 1;
-            }
-        }
-        self.lines.truncate(kept);
+        let of_one_node = self.lines.par_chunk_by(|(a, _), (b, _)| a.node == b.node);
+        let parts: Vec<_> = of_one_node
+            .fold(Vec::new, |mut kept, group| {
+                let from = kept.len();
+                for (record, state) in group {
+                    let place = (record.segment, state.t, record.image);
+                    let same = |(r, s): &LineFound| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME);
+                    if !kept[from..].iter().any(same) {
+                        kept.push((*record, *state));
+                    }
+                }
+                kept
+            })
+            .collect();
+        self.lines = parts.concat();
     }
 
     /// Keeps one of several records of the same crossing.
     fn merge_points(&mut self, lines: &Lines) {
         let found = std::mem::take(&mut self.points);
         let index = CrossingIndex::new(found.iter().map(|(r, _)| r));
-        for (k, (record, state)) in found.iter().enumerate() {
-            if index.nearest(lines, (record, state), SAME, |i| (i < k).then(|| (&found[i].0, &found[i].1))).is_none() {
-                self.points.push((*record, *state));
-            }
-        }
+        let first = |k: usize| index.nearest(lines, &found[k], SAME, |i| (i < k).then(|| &found[i])).is_none();
+        self.points = (0..found.len()).into_par_iter().filter(|k| first(*k)).map(|k| found[k]).collect();
     }
 
-    /// Hands slip and offset of the old records to the new ones at the same place; both sorted.
-    pub fn inherit(&mut self, lines: &Lines, old_lines: (&[LineRecord], &[LineState]), old_points: (&[PointRecord], &[PointState])) {
-        let mut from = 0;
-        for (record, state) in &mut self.lines {
-            while from < old_lines.0.len() && old_lines.0[from].node < record.node {
-                from += 1;
-            }
-            let mut nearest = 0.5;
-            for k in from..old_lines.0.len() {
-                let old = &old_lines.0[k];
-                if old.node != record.node {
-                    break;
-                }
-                let was = (old.segment, old_lines.1[k].t, old.image);
-                if let Some(d) = distance_along(lines, was, (record.segment, state.t, record.image))
-                    && d.abs() < nearest
-                {
-                    nearest = d.abs();
-                    *state = LineState { t: state.t, ..old_lines.1[k] };
+    /// Hands slip and offset of the old records to the new ones at the same place.
+    pub fn inherit(&mut self, lines: &Lines, mut old_lines: Vec<LineFound>, old_points: &[PointFound]) {
+        old_lines.par_sort_by_key(|(r, _)| (r.node, r.image, r.segment));
+        self.lines.par_chunks_mut(CHUNK).for_each(|new| {
+            let mut from = old_lines.partition_point(|(old, _)| old.node < new[0].0.node);
+            for (record, state) in new {
+                from += old_lines[from..].iter().take_while(|(old, _)| old.node < record.node).count();
+                let mut nearest = 0.5;
+                for (old, was) in old_lines[from..].iter().take_while(|(old, _)| old.node == record.node) {
+                    if let Some(d) = distance_along(lines, (old.segment, was.t, old.image), (record.segment, state.t, record.image))
+                        && d.abs() < nearest
+                    {
+                        nearest = d.abs();
+                        *state = LineState { t: state.t, ..*was };
+                    }
                 }
             }
-        }
-        let index = CrossingIndex::new(old_points.0.iter());
-        for (record, state) in &mut self.points {
-            let old = |k: usize| Some((&old_points.0[k], &old_points.1[k]));
-            if let Some((k, turned)) = index.nearest(lines, (record, state), 0.75, old) {
-                let was = &old_points.1[k];
-                *state = PointState { t: state.t, slip: if turned { -was.slip } else { was.slip }, ..*was };
+        });
+        let index = CrossingIndex::new(old_points.iter().map(|(r, _)| r));
+        self.points.par_iter_mut().for_each(|new| {
+            if let Some((k, turned)) = index.nearest(lines, new, 0.75, |k| Some(&old_points[k])) {
+                let was = &old_points[k].1;
+                new.1 = PointState { t: new.1.t, slip: if turned { -was.slip } else { was.slip }, ..*was };
             }
-        }
+        });
     }
 }
 
@@ -280,7 +277,7 @@ struct CrossingIndex(Vec<(u32, usize)>);
 impl CrossingIndex {
     fn new<'a>(records: impl Iterator<Item = &'a PointRecord>) -> Self {
         let mut order: Vec<(u32, usize)> = records.enumerate().flat_map(|(k, r)| [(r.segments[0], k), (r.segments[1], k)]).collect();
-        order.sort_unstable();
+        order.par_sort_unstable();
         CrossingIndex(order)
     }
 
@@ -288,9 +285,9 @@ impl CrossingIndex {
     fn nearest<'a>(
         &self,
         lines: &Lines,
-        (record, state): (&PointRecord, &PointState),
+        (record, state): &PointFound,
         limit: f64,
-        get: impl Fn(usize) -> Option<(&'a PointRecord, &'a PointState)>,
+        get: impl Fn(usize) -> Option<&'a PointFound>,
     ) -> Option<(usize, bool)> {
         let here = record.segments[0];
         let [next, previous] = lines.links[here as usize].map(|l| l.map(|(s, _)| s));

@@ -9,6 +9,9 @@ use super::target::Target;
 use crate::systems::energy::{LookNow, MonitorEvery};
 use braid_ecs::prelude::*;
 
+/// Records per parallel chunk.
+const CHUNK: usize = 256;
+
 /// What kind of contact a record is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum ContactKind {
@@ -100,35 +103,30 @@ fn near_contacts(world: &mut World) -> Vec<ContactReport> {
 
 /// Reports of the first so many line and point records.
 fn reports(world: &mut World, line_records: usize, point_records: usize) -> Vec<ContactReport> {
-    let mut out = Vec::new();
     let mut line_query = world.query::<(&LineRecord, &LineState)>();
     let mut point_query = world.query::<(&PointRecord, &PointState)>();
     let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
     let penalty = still(world.resource::<Penalty>());
     let near = |c: &Contact<f64>| c.penetration + c.offset > -0.5 * c.reach && c.stiffness > 0.0;
-    for (record, state) in line_query.iter(world).take(line_records) {
+    let report_of = |c: &Contact<f64>, centre: DVec3, slots: [u32; 2], kind: ContactKind| {
+        let place = centre - c.normal.lane(0) * (0.5 * (c.reach - c.penetration - c.offset));
+        let [a, b] = slots.map(|s| (lines.place_of(s).0, now.x[s as usize][3]));
+        report(&penalty, c, place, (a.0, b.0), a.1.min(b.1), kind)
+    };
+    let of_a_line = |(record, state): (&LineRecord, &LineState)| {
         let c = of_line(&penalty, lines, now, record, state);
-        if near(&c) {
-            let normal = c.normal.lane(0);
-            let (rn, rs) = (now.x[record.node as usize][3], now.x[record.segment as usize][3]);
-            let place = xyz(&now.x[record.node as usize]) - normal * (0.5 * (c.reach - c.penetration - c.offset));
-            let names = (lines.place_of(record.node).0, lines.place_of(record.segment).0);
-            out.push(report(&penalty, &c, place, names, rn.min(rs), ContactKind::Line));
-        }
-    }
-    for (record, state) in point_query.iter(world).take(point_records) {
+        near(&c).then(|| report_of(&c, xyz(&now.x[record.node as usize]), [record.node, record.segment], ContactKind::Line))
+    };
+    let of_a_point = |(record, state): (&PointRecord, &PointState)| {
         let c = of_point(&penalty, lines, now, record, state);
-        if near(&c) {
-            let [i, j] = record.segments;
-            let curve = super::list::curve_of(lines, now, i);
-            let p = curve.at(c.t[0]).x;
-            let normal = c.normal.lane(0);
-            let place = xyz(&now.x[i as usize]) + p.lane(0) - normal * (0.5 * (c.reach - c.penetration - c.offset));
-            let names = (lines.place_of(i).0, lines.place_of(j).0);
-            out.push(report(&penalty, &c, place, names, now.x[i as usize][3].min(now.x[j as usize][3]), ContactKind::Point));
-        }
-    }
-    out
+        let centre = |i: u32| xyz(&now.x[i as usize]) + super::list::curve_of(lines, now, i).at(c.t[0]).x.lane(0);
+        near(&c).then(|| report_of(&c, centre(record.segments[0]), record.segments, ContactKind::Point))
+    };
+    let (mut line_query, mut point_query) = (line_query.query(world), point_query.query(world));
+    let ((lr, ls), (pr, ps)) = (columns(&mut line_query), columns(&mut point_query));
+    let of_lines = parallel::chunks(line_records, CHUNK, |k| lr[k.clone()].iter().zip(&ls[k]).filter_map(of_a_line).collect::<Vec<_>>());
+    let of_points = parallel::chunks(point_records, CHUNK, |k| pr[k.clone()].iter().zip(&ps[k]).filter_map(of_a_point).collect::<Vec<_>>());
+    of_lines.into_iter().chain(of_points).flatten().collect()
 }
 
 /// All contacts of the model, filaments first.

@@ -144,6 +144,12 @@ pub struct Burden {
     rows: Vec<u32>,
 }
 
+/// Records per parallel chunk.
+const CHUNK: usize = 128;
+/// Rows that a line record and a point record usually bear on.
+const LINE_ROWS: usize = CARRIERS + 4;
+const POINT_ROWS: usize = 2 * CARRIERS;
+
 /// Factor on the stiffness of the stiffest spring at a node: 1.1 / omega instead of 1.8 / omega for one alone.
 const ALONE: f64 = 2.5;
 
@@ -179,15 +185,24 @@ impl Burden {
         (point_records, point_states, points_bearing): (&[PointRecord], &[PointState], &[(u32, f64)]),
         out: &mut ActingStiffness,
     ) {
-        let mut spread = Spread::new(lines, penalty);
-        for (k, stiffness) in lines_bearing {
-            let k = *k as usize;
-            spread.line(now, &line_records[k], line_states[k].t, *stiffness, &mut |row, k| self.add(row, k));
-        }
-        for (k, stiffness) in points_bearing {
-            let k = *k as usize;
-            spread.point(now, &point_records[k], point_states[k].t, *stiffness, &mut |row, k| self.add(row, k));
-        }
+        let of_lines = parallel::chunks(lines_bearing.len(), CHUNK, |range| {
+            let (mut spread, mut bounds) = (Spread::new(lines, penalty), Vec::with_capacity(range.len() * LINE_ROWS));
+            for (k, stiffness) in &lines_bearing[range] {
+                let k = *k as usize;
+                spread.line(now, &line_records[k], line_states[k].t, *stiffness, &mut |row, k| bounds.push((row, k)));
+            }
+            bounds
+        });
+        let of_points = parallel::chunks(points_bearing.len(), CHUNK, |range| {
+            let (mut spread, mut bounds) = (Spread::new(lines, penalty), Vec::with_capacity(range.len() * POINT_ROWS));
+            for (k, stiffness) in &points_bearing[range] {
+                let k = *k as usize;
+                spread.point(now, &point_records[k], point_states[k].t, *stiffness, &mut |row, k| bounds.push((row, k)));
+            }
+            bounds
+        });
+        // In the order of the records, whatever the number of threads.
+        of_lines.iter().chain(&of_points).flatten().for_each(|(row, k)| self.add(*row, *k));
         out.rows.clear();
         for row in self.rows.drain(..) {
             let i = row as usize;

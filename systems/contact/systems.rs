@@ -94,11 +94,9 @@ pub fn make_list(world: &mut World) {
         let never = |c| excluded(lines, c) || !touching && lines.chain_of(c.a) == lines.chain_of(c.b) && c.image == lines.images.zero();
         search.candidates(lines, now, never, &mut builder.0.candidates);
         builder.0.build(penalty, lines, now);
-        let mut old_lines: Vec<_> = line.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).collect();
-        old_lines.sort_by_cached_key(|(r, _)| (r.node, r.image, r.segment));
-        let old_lines: (Vec<LineRecord>, Vec<LineState>) = old_lines.into_iter().unzip();
-        let old_points: (Vec<PointRecord>, Vec<PointState>) = point.iter(world).take(live.points).map(|(r, s)| (*r, *s)).unzip();
-        builder.0.inherit(lines, (&old_lines.0, &old_lines.1), (&old_points.0, &old_points.1));
+        let old_lines = line.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).collect();
+        let old_points: Vec<_> = point.iter(world).take(live.points).map(|(r, s)| (*r, *s)).collect();
+        builder.0.inherit(lines, old_lines, &old_points);
     }
     grow_lines(world, builder.0.lines.len());
     grow_points(world, builder.0.points.len());
@@ -178,10 +176,16 @@ pub fn forces(
     }
     let (x, mut force) = columns(&mut nodes);
     let force = force.bypass_change_detection();
-    scatter(&lines, &now, (lr, lf, &of_lines.touching), (pr, pf, &of_points.touching), |row, f| force[row].0 += f);
-    if let (Some(mut burden), Some(mut acting)) = (burden, acting) {
-        burden.take(&penalty, &lines, &now, (lr, ls, &of_lines.bearing), (pr, ps, &of_points.bearing), &mut acting);
-    }
+    let hand_over = || {
+        scatter(&lines, &now, (lr, lf, &of_lines.touching), (pr, pf, &of_points.touching), |row, f| force[row].0 += f);
+    };
+    let bear = || {
+        if let (Some(mut burden), Some(mut acting)) = (burden, acting) {
+            burden.take(&penalty, &lines, &now, (lr, ls, &of_lines.bearing), (pr, ps, &of_points.bearing), &mut acting);
+        }
+    };
+    // Beside each other: each in its own order.
+    rayon::join(hand_over, bear);
     // Records that have left their segment move to the next one.
     for k in of_lines.strayed {
         let (r, s) = (&mut lr[k as usize], &mut ls[k as usize]);

@@ -161,16 +161,21 @@ pub fn edge_place<'a>(surface: &'a Surface, lines: &Lines, now: &Centrelines, re
     at
 }
 
-/// Force of an edge on a segment.
-pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> Touching {
+/// Parameter of the point of a record's segment that is nearest to its edge, one step on from where it was, and the velocity of that point.
+pub fn edge_motion(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> (f64, DVec3) {
     let centre = surface.shape.edges[record.edge as usize].centre;
     let j = record.segment as usize;
     let t = edge_step(lines, now, &surface.shape, centre, record.segment, state.t);
+    let w = curve::weights(t, curve::Range::new(|_| lines.slots[j].free));
+    let turning = (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * now.tangent[j][3];
+    (t, xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + turning)
+}
+
+/// Force of an edge on a segment.
+pub fn edge_contact(surface: &Surface, lines: &Lines, now: &Centrelines, record: &EdgeRecord, state: &EdgeState) -> Touching {
+    let j = record.segment as usize;
+    let (t, velocity) = edge_motion(surface, lines, now, record, state);
     let EdgePlace { radius, place, overlap, normal, weight, .. } = edge_place(surface, lines, now, record, t);
-    let curve = list::curve_of(lines, now, record.segment);
-    let h = now.tangent[j][3];
-    let w = curve::weights(t, curve.range);
-    let velocity = xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * h;
     let stiffness = surface.point_stiffness * weight;
     let mut memory = Memory { slip: v3(state.slip), damper: state.damper };
     let before = Zero { offset: state.offset * surface.keep, stiffness: state.stiffness, overlap: state.overlap };

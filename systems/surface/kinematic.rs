@@ -12,12 +12,12 @@
 //! 177 (1999) 329-349, for the time stepping). Hits are without rebound; the work of both parts is accounted for.
 //!
 //! A node whose velocity depends on others, or on which the period depends, keeps the penalty.
-use super::kernel::{Touching, edge_place};
+use super::kernel::{EdgePlace, Touching, edge_place};
 use super::records::*;
-use super::systems::{SurfaceReactions, SurfaceSet};
+use super::systems::{CHUNK, SurfaceReactions, SurfaceSet};
 use crate::systems::axial_implicit::AxialChains;
 use crate::systems::constraint::Constraints;
-use crate::systems::contact::assemble::{carriers, first_carrier};
+use crate::systems::contact::assemble::{CARRIERS, carriers, first_carrier};
 use crate::systems::contact::lines::{Centrelines, Lines, NONE, xyz};
 use crate::systems::integration::MassDamping;
 use braid_ecs::prelude::*;
@@ -83,6 +83,27 @@ struct Carried<'a> {
     place: DVec3,
     overlap: f64,
     offset: f64,
+}
+
+/// Where a segment is over an edge, and the rows that carry it there with their weights, so many of them.
+struct OverEdge<'a> {
+    at: EdgePlace<'a>,
+    rows: [(usize, f64); CARRIERS],
+    count: usize,
+}
+
+impl<'a> OverEdge<'a> {
+    fn new(set: &'a SurfaceSet, lines: &Lines, now: &Centrelines, record: &EdgeRecord, t: f64) -> Self {
+        let at = edge_place(&set.surfaces[record.surface as usize], lines, now, record, t);
+        let mut over = OverEdge { at, rows: [(0, 0.0); CARRIERS], count: 0 };
+        for (slot, weight) in (first_carrier(record.segment)..).zip(carriers(lines, now, record.segment, t)) {
+            if weight != 0.0 {
+                over.rows[over.count] = (lines.slots[slot as usize].row as usize, weight);
+                over.count += 1;
+            }
+        }
+        over
+    }
 }
 
 /// Velocities and forces that a correction changes.
@@ -151,38 +172,40 @@ fn correct(
         ledger.friction -= along;
     };
     let (records, mut states) = columns(&mut node_query);
-    for (record, state) in records[..live.nodes].iter().zip(states.bypass_change_detection()) {
-        if !set.holds_node(&lines, record) {
-            continue;
-        }
+    let records = &records[..live.nodes];
+    // Where everything is can be found side by side; velocities are corrected one after the other.
+    let ahead_of = |record: &SurfaceRecord, x: DVec3| {
+        let (distance, normal) = set.surfaces[record.surface as usize].shape.distance(x);
+        (lines.slots[record.node as usize].radius - distance, normal)
+    };
+    let overlaps = parallel::chunks(records.len(), CHUNK, |range| {
+        let of = |r: &SurfaceRecord| set.holds_node(&lines, r).then(|| ahead_of(r, xyz(&now.x[r.node as usize])).0);
+        records[range].iter().map(of).collect::<Vec<_>>()
+    });
+    for ((record, state), overlap) in records.iter().zip(states.bypass_change_detection()).zip(overlaps.into_iter().flatten()) {
+        let Some(overlap) = overlap else { continue };
         let surface = &set.surfaces[record.surface as usize];
         let slot = &lines.slots[record.node as usize];
         let place = xyz(&now.x[record.node as usize]);
-        let ahead = |x: DVec3| {
-            let (distance, normal) = surface.shape.distance(x);
-            (slot.radius - distance, normal)
-        };
-        let overlap = ahead(place).0;
+        let ahead = |x: DVec3| ahead_of(record, x);
         state.offset = (state.offset * surface.keep).min(overlap.max(0.0));
         let point = Carried { rows: &[(slot.row as usize, 1.0)], place, overlap, offset: state.offset };
         let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);
         account(record.surface, place, state.hold.force, work);
     }
     let (records, mut states) = columns(&mut edge_query);
-    for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
-        if !set.holds_edge(&lines, record) {
-            continue;
-        }
+    let (records, states) = (&records[..live.edges], &mut states.bypass_change_detection()[..live.edges]);
+    let places = parallel::chunks(records.len(), CHUNK, |range| {
+        let of = |(r, s): (&EdgeRecord, &EdgeState)| set.holds_edge(&lines, r).then(|| OverEdge::new(&set, &lines, &now, r, s.t));
+        records[range.clone()].iter().zip(&states[range]).map(of).collect::<Vec<_>>()
+    });
+    for ((record, state), place) in records.iter().zip(states).zip(places.into_iter().flatten()) {
+        let Some(OverEdge { at, rows, count }) = place else { continue };
         let surface = &set.surfaces[record.surface as usize];
-        let at = edge_place(surface, &lines, &now, record, state.t);
         // Beyond its segment, along its edge, or where the nodes see the rounding, a point is not held.
         let held = at.weight > 0.0;
         state.offset = (state.offset * surface.keep).min(at.overlap.max(0.0));
-        let first = first_carrier(record.segment);
-        let row = |k: usize| lines.slots[first.wrapping_add(k as u32) as usize].row as usize;
-        let weights = carriers(&lines, &now, record.segment, state.t).into_iter().enumerate();
-        let rows: Vec<(usize, f64)> = weights.filter(|(_, weight)| *weight != 0.0).map(|(k, weight)| (row(k), weight)).collect();
-        let point = Carried { rows: &rows, place: at.place, overlap: at.overlap, offset: state.offset };
+        let point = Carried { rows: &rows[..count], place: at.place, overlap: at.overlap, offset: state.offset };
         let ahead = |x: DVec3| if held { at.ahead(surface, x) } else { (f64::NEG_INFINITY, at.normal) };
         let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);
         account(record.surface, at.place, state.hold.force, work);

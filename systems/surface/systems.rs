@@ -1,5 +1,5 @@
 //! The systems of contact with rigid surfaces.
-use super::kernel::{Surface, Touching, edge_contact, node_contact};
+use super::kernel::{Surface, Touching, edge_contact, edge_motion, node_contact};
 use super::kinematic::{Hold, held};
 use super::list::*;
 use super::records::*;
@@ -239,6 +239,9 @@ pub fn raise_stiffness(world: &mut World, factor: f64) {
     }
 }
 
+/// Records per parallel chunk.
+pub(super) const CHUNK: usize = 256;
+
 /// Forces of all surfaces on the nodes, in record order.
 fn forces(
     clock: Res<Clock>,
@@ -292,14 +295,21 @@ fn forces(
         put(&lines, record.node, c.response.force.lane(0), &mut add);
     }
     let (records, mut states) = columns(&mut edge_query);
-    for (record, state) in records[..live.edges].iter().zip(states.bypass_change_detection()) {
-        let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
-        moved |= strayed(c.t);
+    let (records, states) = (&records[..live.edges], &mut states.bypass_change_detection()[..live.edges]);
+    // What is held needs to know no more than where it is and how it moves.
+    parallel::zip2(states, records, CHUNK, |state, record| {
         if set.holds_edge(&lines, record) {
-            (state.t, state.hold.before) = (c.t, c.velocity);
-            put_along(&lines, &now, record.segment, c.t, (state.hold.force, DVec3::ZERO), &mut add);
+            (state.t, state.hold.before) = edge_motion(&surfaces[record.surface as usize], &lines, &now, record, state);
+        }
+    });
+    for (record, state) in records.iter().zip(states) {
+        if set.holds_edge(&lines, record) {
+            moved |= strayed(state.t);
+            put_along(&lines, &now, record.segment, state.t, (state.hold.force, DVec3::ZERO), &mut add);
             continue;
         }
+        let c = edge_contact(&surfaces[record.surface as usize], &lines, &now, record, state);
+        moved |= strayed(c.t);
         account(record.surface as usize, &c, state.offset);
         let (memory, overlap) = (c.response.memory, c.penetration + c.offset);
         let stiffness = kept_stiffness(c.stiffness, overlap);

@@ -86,7 +86,7 @@ fn a_node_that_whips_gets_room_of_its_own() {
             before = rig.search.rebuilds;
         }
         after = rig.search.rebuilds;
-        let x = |s: u32| rig.x[rig.lines.slots[s as usize].row as usize].0;
+        let x = |s: u32| rig.x[rig.lines.joints[s as usize].row as usize].0;
         for (i, &a) in segments.iter().enumerate() {
             for &b in &segments[i + 1..] {
                 let c = Candidate { a, b, image: zero };

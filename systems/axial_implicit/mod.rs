@@ -38,6 +38,9 @@ pub fn plugin(sim: &mut Simulation) {
     sim.add_installer("implicit axial tension", install);
 }
 
+/// Marks a row at which no bar ends.
+const NOWHERE: u32 = u32::MAX;
+
 /// All chains of the model.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct AxialChains {
@@ -45,6 +48,8 @@ pub struct AxialChains {
     packs: Vec<Pack>,
     /// Ends of bars by the row that carries them: pack, and end in the pack.
     joints: Incidence<(u32, u32)>,
+    /// Place of each row in the list of these, [`NOWHERE`] if no bar ends there.
+    places: Vec<u32>,
     /// Work that the motion has done on the bars, and the last kick's part of it (force x length).
     work: f64,
     last: f64,
@@ -69,9 +74,9 @@ impl AxialChains {
     }
     /// Counts what later changes of the velocities of some rows add to the work of the motion on the bars in a kick.
     pub fn follow(&mut self, changes: &[(usize, DVec3)], kick: f64) {
-        let AxialChains { packs, joints, .. } = self;
-        let at = |row: usize| joints.nodes.binary_search(&(row as u32)).ok();
-        let sum = -changes.iter().filter_map(|(row, change)| Some(pulled(packs, joints.at(at(*row)?)).dot(*change))).sum::<f64>();
+        let AxialChains { packs, joints, places, .. } = self;
+        let ends = |row: usize| (places[row] != NOWHERE).then(|| joints.at(places[row] as usize));
+        let sum = -changes.iter().filter_map(|(row, change)| Some(pulled(packs, ends(*row)?).dot(*change))).sum::<f64>();
         self.last += 0.5 * kick * sum;
         self.work += 0.5 * kick * sum;
     }
@@ -134,9 +139,14 @@ fn install(cx: &mut Install<'_>) {
     let explicit_step = if fastest > 0.0 { 2.0 / fastest.sqrt() } else { f64::INFINITY };
     let ends = packs.iter().enumerate().flat_map(|(k, p)| p.carriers().map(move |(row, end)| (row, (k as u32, end))));
     let joints = Incidence::new(ends);
+    let mut places = vec![NOWHERE; light.len()];
+    for (place, row) in (0..).zip(&joints.nodes) {
+        places[*row as usize] = place;
+    }
     cx.world.insert_resource(AxialChains {
         packs,
         joints,
+        places,
         work: stored,
         last: 0.0,
         explicit,

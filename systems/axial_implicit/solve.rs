@@ -99,6 +99,8 @@ pub struct Pack {
     ends: Vec<Ends>,
     work: Vec<Work>,
     dummies: Vec<Vec<usize>>,
+    /// The ends that dummy nodes move, as for [`Pack::pull`], with their entry of `dummies`.
+    hanging: Vec<(u32, u32)>,
     couplings: Vec<Coupling>,
     /// A^-1 gamma of the members of the border that the chains feel.
     solved: Vec<(usize, Vec<L>)>,
@@ -163,6 +165,9 @@ impl Pack {
         let couplings: Vec<Coupling> = chains.iter().enumerate().flat_map(of).collect();
         let members: std::collections::BTreeSet<usize> = couplings.iter().map(|c| c.member).collect();
         let solved = members.into_iter().map(|j| (j, vec![zero; count])).collect();
+        let sides = |i: usize| (0..2 * lanes).map(move |k| (i, k / 2, k % 2));
+        let hanging = (0..count).flat_map(sides).map(|(i, l, side)| ((2 * (i * LANES + l) + side) as u32, ends[i].hang[l][side]));
+        let hanging = hanging.filter(|(_, entry)| *entry != PLAIN).collect();
         let pulls = vec![DVec3::ZERO; count * LANES];
         Pack {
             lanes,
@@ -170,6 +175,7 @@ impl Pack {
             ends,
             work: work.collect(),
             dummies,
+            hanging,
             couplings,
             solved,
             pulls,
@@ -373,12 +379,7 @@ impl Pack {
 
     /// Pulls on the ends that dummy nodes move, with these.
     pub fn hanging(&self) -> impl Iterator<Item = (DVec3, &[usize])> + '_ {
-        let of = move |(i, e, l, side): (usize, &Ends, usize, usize)| match e.hang[l][side] {
-            PLAIN => None,
-            k => Some((self.pull((2 * (i * LANES + l) + side) as u32), &self.dummies[k as usize][..])),
-        };
-        let marked = self.ends.iter().enumerate().filter(|(_, e)| e.hangs[0] || e.hangs[1]);
-        marked.flat_map(move |(i, e)| (0..2 * self.lanes).map(move |k| (i, e, k / 2, k % 2))).filter_map(of)
+        self.hanging.iter().map(|(end, entry)| (self.pull(*end), &self.dummies[*entry as usize][..]))
     }
 }
 

@@ -289,7 +289,7 @@ fn points_at_once<L: Lane>(
 /// Adds a force on a slot to the row of its node and to the dummy nodes that carry its image.
 #[inline(always)]
 pub fn put(lines: &Lines, slot: u32, f: DVec3, add: &mut impl FnMut(usize, DVec3)) {
-    let s = &lines.slots[slot as usize];
+    let s = &lines.joints[slot as usize];
     if s.row != NONE {
         add(s.row as usize, f);
         put_image(lines, s.image, f, add);
@@ -323,7 +323,7 @@ fn put_turn(lines: &Lines, slot: u32, f: DVec3, add: &mut impl FnMut(usize, DVec
 #[inline(always)]
 pub fn put_along(lines: &Lines, now: &Centrelines, segment: u32, t: f64, (f, turn): (DVec3, DVec3), add: &mut impl FnMut(usize, DVec3)) {
     let j = segment as usize;
-    let w = weights(t, Range::new(|_| lines.slots[j].free));
+    let w = weights(t, Range::new(|_| lines.joints[j].free));
     let (h, s) = (now.tangent[j][3], t.clamp(0.0, 1.0));
     put(lines, segment, f * w.a, add);
     put(lines, segment + 1, f * w.b, add);
@@ -343,7 +343,7 @@ pub fn first_carrier(segment: u32) -> u32 {
 /// Weights of the slots that carry the point at parameter `t` of a segment, from [`first_carrier`] on.
 #[inline]
 pub fn carriers(lines: &Lines, now: &Centrelines, segment: u32, t: f64) -> [f64; CARRIERS] {
-    let w = weights(t, Range::new(|_| lines.slots[segment as usize].free));
+    let w = weights(t, Range::new(|_| lines.joints[segment as usize].free));
     let h = now.tangent[segment as usize][3];
     let first = first_carrier(segment);
     let mut all = [0.0; CARRIERS];

@@ -37,11 +37,12 @@ impl Penalty {
 
 /// The segments of one record, or of several side by side: what their centrelines need.
 #[derive(Clone, Copy)]
-struct Side<L> {
+pub struct Side<L> {
     x: V3<L>,
     radius: L,
     length: L,
-    curve: Segment<L>,
+    /// The centrelines, relative to their first nodes.
+    pub curve: Segment<L>,
 }
 
 /// What a force on a segment needs to know of its motion.
@@ -81,13 +82,14 @@ fn memory<L: Lane>(of: impl Fn(usize) -> (glam::DVec3, f64)) -> Memory<L> {
 }
 
 impl<L: Lane> Side<L> {
+    /// Of the segment in the slot that `index` says for each lane.
     #[inline(always)]
-    fn load(lines: &Lines, now: &Centrelines, index: impl Fn(usize) -> usize + Copy) -> Self {
+    pub fn load(lines: &Lines, now: &Centrelines, index: impl Fn(usize) -> usize + Copy) -> Self {
         let (x, radius) = gather::<L>(&now.x, index);
         let (xb, _) = gather::<L>(&now.x, |l| index(l) + 1);
         let (ta, length) = gather::<L>(&now.tangent, index);
         let (tb, _) = gather::<L>(&now.tangent, |l| index(l) + 1);
-        let curve = Segment::new(xb - x, ta * length, tb * length, Range::new(|l| lines.slots[index(l)].free));
+        let curve = Segment::new(xb - x, ta * length, tb * length, Range::new(|l| lines.joints[index(l)].free));
         Side { x, radius, length, curve }
     }
 }
@@ -264,7 +266,7 @@ pub fn line_contact<L: Lane>(
     let scale = aligned / side.length;
     let low = t - L::pick(forward, before, after) * scale;
     let high = t + L::pick(forward, after, before) * scale;
-    let free = |k: usize, yes: f64, no: f64| L::from_fn(|l| if lines.slots[records[l].segment as usize].free[k] { yes } else { no });
+    let free = |k: usize, yes: f64, no: f64| L::from_fn(|l| if lines.joints[records[l].segment as usize].free[k] { yes } else { no });
     let covered = high.lower(free(1, 1.0, 1e9)) - low.upper(free(0, 0.0, -1e9));
     let cover = (covered / (high - low)).within(zero, one);
 
@@ -318,10 +320,6 @@ pub fn point_contact<L: Lane>(
     let apart = a.x - b.x - image(&now.shift, |l| records[l].image);
     let (ca, cb) = (a.curve, b.curve);
     let (s0, t0) = (L::from_fn(|l| states[l].t[0]), L::from_fn(|l| states[l].t[1]));
-    let limits = |side: usize| {
-        let limit = |k: usize, no: f64| L::from_fn(|l| if lines.slots[segment(side)(l)].free[k] { k as f64 } else { no });
-        (limit(0, -2.0), limit(1, 3.0))
-    };
     let reach = a.radius + b.radius;
     // The sampling length is that of the filament whose nodes look for the other one.
     let sampling = L::from_fn(|l| {
@@ -335,7 +333,7 @@ pub fn point_contact<L: Lane>(
     let (normal, _) = unit(d, reach);
     let low = L::splat(0.5 * penalty.window[0]) * reach / sampling.upper(L::splat(penalty.point_length()));
     let follow = low.less(parting(sine_of(p.d, q.d, normal), d, (p.d, p.dd), (q.d, q.dd)));
-    let (s, t) = closest_step(&ca, &cb, apart, s0, t0, limits(0), limits(1));
+    let (s, t) = closest_step(&ca, &cb, apart, s0, t0, limits(lines, segment(0)), limits(lines, segment(1)));
     let (s, t) = (L::pick(follow, s, s0), L::pick(follow, t, t0));
 
     let (p, q) = (ca.at(s), cb.at(t));
@@ -369,6 +367,13 @@ pub fn point_contact<L: Lane>(
     let turn = levers.map(|l| l.along.dot(response.drag));
     let turned = L::splat(0.0);
     Contact { response, turn, t: [s, t], penetration: touch.penetration, offset, normal, sine, stiffness, reach, turned }
+}
+
+/// How far the closest point of two segments may be followed: to their ends where these are free.
+#[inline(always)]
+pub fn limits<L: Lane>(lines: &Lines, index: impl Fn(usize) -> usize) -> (L, L) {
+    let limit = |k: usize, no: f64| L::from_fn(|l| if lines.joints[index(l)].free[k] { k as f64 } else { no });
+    (limit(0, -2.0), limit(1, 3.0))
 }
 
 /// One Newton step towards the closest points of two curves, kept on free ends.

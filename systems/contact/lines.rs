@@ -17,13 +17,20 @@ const CHUNK: usize = 512;
 /// Marks a slot without a row.
 pub const NONE: u32 = u32::MAX;
 
-/// What never changes about a slot.
+/// What never changes about a slot and is asked for again and again: eight bytes, so that those of many slots are at hand.
 #[derive(Clone, Copy, Debug)]
-pub struct Slot {
+pub struct Joint {
     /// Row of the node, [`NONE`] for the ghost of a free end.
     pub row: u32,
     /// Image by which the node is shifted (ghosts only).
     pub image: Image,
+    /// True if nothing goes on before the first or behind the last node of the segment.
+    pub free: [bool; 2],
+}
+
+/// What else never changes about a slot.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot {
     /// Number of the filament among those with contact.
     pub filament: u32,
     /// True before the first and behind the last node of a filament.
@@ -32,8 +39,6 @@ pub struct Slot {
     pub looks: bool,
     /// True if a segment starts here.
     pub segment: bool,
-    /// True if nothing goes on before the first or behind the last node of the segment.
-    pub free: [bool; 2],
     /// Contact radius (length).
     pub radius: f64,
     /// Half of the length of the segments before and after the node (length).
@@ -80,6 +85,8 @@ pub type Link = Option<(u32, Image)>;
 pub struct Lines {
     /// Slots, filament by filament.
     pub slots: Vec<Slot>,
+    /// Nodes of the slots.
+    pub joints: Vec<Joint>,
     /// How the centreline at each slot follows from those around it; nothing for ghosts.
     pub stencils: Vec<Stencil>,
     /// First slot (a ghost) of each filament, and the end.
@@ -154,7 +161,7 @@ impl Lines {
         lines.start.push(lines.slots.len() as u32);
         lines.every = (0..lines.slots.len() as u32).collect();
         lines.row_slots = lines.every.iter().copied().filter(|i| !lines.slots[*i as usize].ghost).collect();
-        lines.rows = lines.row_slots.iter().map(|i| lines.slots[*i as usize].row).collect();
+        lines.rows = lines.row_slots.iter().map(|i| lines.joints[*i as usize].row).collect();
         lines.measure(x);
         lines.link(model, &ends);
         lines.join_chains(&ends);
@@ -203,36 +210,33 @@ impl Lines {
     fn push_filament(&mut self, model: &Model, m: usize, f: usize, ends: &[Ends], row: &impl Fn(NodeId) -> usize) {
         let filament = &model.filaments[m];
         let zero = self.images.zero();
-        let slot = |row: u32, image: Image| Slot {
-            row,
-            image,
+        let ghost = Slot {
             filament: f as u32,
             ghost: true,
             looks: false,
             segment: false,
-            free: [false; 2],
             radius: filament.radius,
             half: [0.0; 2],
             spacing: 0.0,
             length: 0.0,
         };
+        let joint = |row: u32, image: Image| Joint { row, image, free: [false; 2] };
         let inner = |other: usize, from_start: bool| {
             let nodes = &model.filaments[self.model_index[other]].nodes;
             row(if from_start { nodes[1] } else { nodes[nodes.len() - 2] }) as u32
         };
-        let before = ends[f].previous.map_or(slot(NONE, zero), |(p, image)| slot(inner(p, false), image));
-        let behind = ends[f].next.map_or(slot(NONE, zero), |(n, image)| slot(inner(n, true), image));
+        let before = ends[f].previous.map_or(joint(NONE, zero), |(p, image)| joint(inner(p, false), image));
+        let behind = ends[f].next.map_or(joint(NONE, zero), |(n, image)| joint(inner(n, true), image));
         let count = filament.nodes.len();
-        self.slots.push(before);
+        self.slots.push(ghost);
+        self.joints.push(before);
         for (i, node) in filament.nodes.iter().enumerate() {
-            let mut s = slot(row(*node) as u32, zero);
-            s.ghost = false;
-            s.looks = i + 1 < count || ends[f].next.is_none();
-            s.segment = i + 1 < count;
-            s.free = [i == 0 && ends[f].previous.is_none(), i + 2 == count && ends[f].next.is_none()];
-            self.slots.push(s);
+            self.slots.push(Slot { ghost: false, looks: i + 1 < count || ends[f].next.is_none(), segment: i + 1 < count, ..ghost });
+            let free = [i == 0 && ends[f].previous.is_none(), i + 2 == count && ends[f].next.is_none()];
+            self.joints.push(Joint { free, ..joint(row(*node) as u32, zero) });
         }
-        self.slots.push(behind);
+        self.slots.push(ghost);
+        self.joints.push(behind);
     }
 
     /// Lengths, tributary lengths and tangent coefficients from the initial positions.
@@ -240,7 +244,7 @@ impl Lines {
         let mut vectors = Vec::new();
         self.images.vectors(|r| x[r], &mut vectors);
         let place: Vec<Option<DVec3>> =
-            self.slots.iter().map(|s| (s.row != NONE).then(|| x[s.row as usize] + vectors[s.image as usize])).collect();
+            self.joints.iter().map(|s| (s.row != NONE).then(|| x[s.row as usize] + vectors[s.image as usize])).collect();
         let length = |a: usize, b: usize| match (place[a], place[b]) {
             (Some(a), Some(b)) => a.distance(b),
             _ => 0.0,
@@ -393,7 +397,7 @@ impl Centrelines {
         let (of_place, of_frame) = needed.map_or((&lines.every, &lines.row_slots), |n| (&n.places, &n.frames));
         let Centrelines { x: places, tangent, v: speeds, bend, rate, shift, shift_rate, complete } = self;
         parallel::picked2(places, speeds, of_place, CHUNK, |_, i, place, speed| {
-            put_place(&lines.slots[i], x, v, mass, shift, shift_rate, place, speed);
+            put_place(&lines.joints[i], lines.slots[i].radius, x, v, mass, shift, shift_rate, place, speed);
         });
         let (x, v) = (&*places, &*speeds);
         parallel::picked3(tangent, bend, rate, of_frame, CHUNK, |_, i, tangent, bend, rate| {
@@ -406,7 +410,8 @@ impl Centrelines {
 /// Place and velocity of a slot.
 #[inline(always)]
 fn put_place(
-    s: &Slot,
+    s: &Joint,
+    radius: f64,
     x: &[Position],
     v: &[Velocity],
     mass: &[f64],
@@ -420,7 +425,7 @@ fn put_place(
     }
     let r = s.row as usize;
     let (p, u) = (x[r].0 + shift[s.image as usize], v[r].0 + shift_rate[s.image as usize]);
-    *place = [p.x, p.y, p.z, s.radius];
+    *place = [p.x, p.y, p.z, radius];
     *speed = [u.x, u.y, u.z, mass[r]];
 }
 

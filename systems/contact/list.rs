@@ -1,8 +1,8 @@
 //! From pairs of close segments to records, and from old records to new ones.
+use super::crossings::crossings;
 use super::curve::{Range, Segment};
-use super::kernel::{Penalty, closest_step};
+use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, xyz};
-use super::near::closest_parameters;
 use super::records::*;
 use super::search::Candidate;
 use braid_ecs::prelude::*;
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Sine of the angle from which a crossing is looked for, as a share of the lower end of the window.
 const LOOK_FROM: f64 = 0.5;
 /// Change of a parameter below which a closest point is found; the next step of the run goes on from there.
-const FOUND: f64 = 1e-6;
+pub(super) const FOUND: f64 = 1e-6;
 /// Candidates per parallel chunk.
 const CHUNK: usize = 1024;
 
@@ -36,7 +36,7 @@ pub fn excluded(lines: &Lines, c: Candidate) -> bool {
     let (a, b) = (c.a as usize, c.b as usize);
     let (sa, sb) = (&lines.slots[a], &lines.slots[b]);
     if c.image == lines.images.zero() {
-        let (ra, rb) = ([sa.row, lines.slots[a + 1].row], [sb.row, lines.slots[b + 1].row]);
+        let [ra, rb] = [a, b].map(|j| [lines.joints[j].row, lines.joints[j + 1].row]);
         if ra.iter().any(|r| rb.contains(r)) {
             return true;
         }
@@ -66,12 +66,12 @@ pub fn excluded(lines: &Lines, c: Candidate) -> bool {
 /// Parameter at which segment `j` is beside the point `y`, if it is: the planes through its nodes
 /// normal to the tangents divide the space between the segments without holes and overlaps.
 fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64) -> Option<f64> {
-    let slot = &lines.slots[j as usize];
+    let (slot, free) = (&lines.slots[j as usize], lines.joints[j as usize].free);
     let j = j as usize;
     let g0 = (y - xyz(&now.x[j])).dot(xyz(&now.tangent[j]));
     let g1 = (y - xyz(&now.x[j + 1])).dot(xyz(&now.tangent[j + 1]));
-    let low = if slot.free[0] { -reach_beyond } else { 0.0 };
-    let high = if slot.free[1] { reach_beyond } else { 0.0 };
+    let low = if free[0] { -reach_beyond } else { 0.0 };
+    let high = if free[1] { reach_beyond } else { 0.0 };
     // Neighbours overlap by a hair, so that rounding leaves no hole; who is found twice is merged.
     let hair = 1e-6 * slot.length;
     if g0 < low - hair || g1 >= high + hair {
@@ -82,24 +82,26 @@ fn beside(lines: &Lines, now: &Centrelines, j: u32, y: DVec3, reach_beyond: f64)
 }
 
 /// Records found among some of the candidates.
-#[derive(Default)]
 struct Found {
     lines: Vec<LineFound>,
     points: Vec<PointFound>,
 }
 
 impl Found {
-    fn add(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate) {
-        let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
-        let same = ca == cb;
-        if same || Lines::looks_first(ca, cb) {
-            self.add_lines(penalty, lines, now, c, same);
+    fn new(penalty: &Penalty, lines: &Lines, now: &Centrelines, candidates: &[Candidate]) -> Self {
+        let mut found = Found { lines: Vec::new(), points: crossings(penalty, lines, now, candidates) };
+        for c in candidates {
+            let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
+            let same = ca == cb;
+            if same || Lines::looks_first(ca, cb) {
+                found.add_lines(penalty, lines, now, *c, same);
+            }
+            if same || Lines::looks_first(cb, ca) {
+                let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
+                found.add_lines(penalty, lines, now, turned, same);
+            }
         }
-        if same || Lines::looks_first(cb, ca) {
-            let turned = Candidate { a: c.b, b: c.a, image: lines.images.negative(c.image) };
-            self.add_lines(penalty, lines, now, turned, same);
-        }
-        self.add_point(penalty, lines, now, c);
+        found
     }
 
     /// Line records of the nodes of segment `c.a` against segment `c.b`.
@@ -123,84 +125,12 @@ impl Found {
             self.lines.push((record, LineState::at(t)));
         }
     }
-
-    fn add_point(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines, c: Candidate) {
-        let (a, b) = (c.a as usize, c.b as usize);
-        let reach = lines.slots[a].radius + lines.slots[b].radius;
-        let (ca, cb) = (lines.chain_of(c.a), lines.chain_of(c.b));
-        let sampling = lines.slots[if Lines::looks_first(ca, cb) { a } else { b }].length;
-        let ends = |j: usize| [xyz(&now.tangent[j]), xyz(&now.tangent[j + 1])];
-        let least = look_from(penalty, reach, sampling);
-        let crosses =
-            |u: DVec3, v: DVec3, least: f64| u.cross(v).length_squared() > least * least * u.length_squared() * v.length_squared();
-        let (ends_a, ends_b) = (ends(a), ends(b));
-        if !ends_a.iter().any(|u| ends_b.iter().any(|v| crosses(*u, *v, least))) {
-            return;
-        }
-        let shift = now.shift[c.image as usize];
-        let [p, p2, q, q2] = [xyz(&now.x[a]), xyz(&now.x[a + 1]), xyz(&now.x[b]) + shift, xyz(&now.x[b + 1]) + shift];
-        if crosses_elsewhere(p, p2 - p, q, q2 - q) {
-            return;
-        }
-        let (s, t) = closest_parameters::<f64>((p2 - p).into(), (q2 - q).into(), (p - q).into());
-        if beside_all_along([p2 - p, q2 - q], ends_a, ends_b, [s, t], |u, v| crosses(u, v, EARLY * least)) {
-            return;
-        }
-        let (curve_a, curve_b) = (curve_of(lines, now, c.a), curve_of(lines, now, c.b));
-        let apart: V3<f64> = (xyz(&now.x[a]) - xyz(&now.x[b]) - shift).into();
-        let limits = |j: usize| {
-            let free = lines.slots[j].free;
-            (if free[0] { 0.0 } else { -2.0 }, if free[1] { 1.0 } else { 3.0 })
-        };
-        let (mut s, mut t) = (s, t);
-        for _ in 0..12 {
-            let before = (s, t);
-            (s, t) = closest_step(&curve_a, &curve_b, apart, s, t, limits(a), limits(b));
-            if (s - before.0).abs() + (t - before.1).abs() < FOUND {
-                break;
-            }
-        }
-        if ![s, t].iter().all(|t| (-NEARBY..=1.0 + NEARBY).contains(t)) {
-            return;
-        }
-        let mut record = PointRecord { segments: [c.a, c.b], image: c.image };
-        let mut place = [s, t];
-        record.rehome(lines, &mut place);
-        // Over a node the straight extension was only a guess: a few steps more on the right pair.
-        let moved = record.segments != [c.a, c.b] || record.image != c.image;
-        let [a, b] = record.segments;
-        let shift = now.shift[record.image as usize];
-        let apart: V3<f64> = (xyz(&now.x[a as usize]) - xyz(&now.x[b as usize]) - shift).into();
-        let (curve_a, curve_b) = (curve_of(lines, now, a), curve_of(lines, now, b));
-        for _ in 0..if moved { 4 } else { 0 } {
-            let (la, lb) = (limits(a as usize), limits(b as usize));
-            (place[0], place[1]) = closest_step(&curve_a, &curve_b, apart, place[0], place[1], la, lb);
-        }
-        let (p, q) = (curve_a.at(place[0]), curve_b.at(place[1]));
-        let normal = to_vec(apart + p.x - q.x).normalize_or_zero();
-        if sine(to_vec(p.d), to_vec(q.d), normal) <= least {
-            return;
-        }
-        record.rehome(lines, &mut place);
-        let (record, exchanged) = record.ordered(lines);
-        if exchanged {
-            place.swap(0, 1);
-        }
-        self.points.push((record, PointState::at(place)));
-    }
 }
 
 impl Builder {
     /// Makes the records of `self.candidates`.
     pub fn build(&mut self, penalty: &Penalty, lines: &Lines, now: &Centrelines) {
-        let of = |range: std::ops::Range<usize>| {
-            let mut found = Found::default();
-            for c in &self.candidates[range] {
-                found.add(penalty, lines, now, *c);
-            }
-            found
-        };
-        let parts = parallel::chunks(self.candidates.len(), CHUNK, of);
+        let parts = parallel::chunks(self.candidates.len(), CHUNK, |range| Found::new(penalty, lines, now, &self.candidates[range]));
         self.lines.clear();
         self.points.clear();
         for part in parts {
@@ -337,55 +267,15 @@ fn crossing_distance(lines: &Lines, old: (&PointRecord, &PointState), new: (&Poi
     best
 }
 
-/// True if the straight lines through two segments come closest so far beyond their ends that the curves
-/// will not do so on the segments.
-fn crosses_elsewhere(p: DVec3, u: DVec3, q: DVec3, v: DVec3) -> bool {
-    let w = p - q;
-    let (a, b, c, d, e) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));
-    let den = a * c - b * b;
-    // Nearly parallel ones tell nothing.
-    if den < 0.01 * a * c {
-        return false;
-    }
-    let (s, t) = ((b * e - c * d) / den, (a * e - b * d) / den);
-    !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&s) || !(-ELSEWHERE..=1.0 + ELSEWHERE).contains(&t)
-}
-
-/// True if two segments of one direction that bend little and alike nowhere cross: tangents of one that lie across an end of
-/// the other say nothing, those of places that are beside each other do.
-fn beside_all_along([u, v]: [DVec3; 2], a: [DVec3; 2], b: [DVec3; 2], [s, t]: [f64; 2], crosses: impl Fn(DVec3, DVec3) -> bool) -> bool {
-    let sine2 = u.cross(v).length_squared() / (u.length_squared() * v.length_squared());
-    if sine2 > ALONG * ALONG || [a, b].iter().any(|[from, to]| from.distance_squared(*to) > ALONG * ALONG * from.length_squared()) {
-        return false;
-    }
-    // From the closest points, as far as either segment goes, both ways.
-    let ratio = (u.length_squared() / v.length_squared()).sqrt().copysign(u.dot(v));
-    let room = |t: f64, rate: f64, end: f64| ((end - t) / rate).max(0.0);
-    let backward = room(s, -1.0, -NEARBY).min(room(t, -ratio, if ratio > 0.0 { -NEARBY } else { 1.0 + NEARBY }));
-    let forward = room(s, 1.0, 1.0 + NEARBY).min(room(t, ratio, if ratio > 0.0 { 1.0 + NEARBY } else { -NEARBY }));
-    // The difference of the tangents changes evenly: it is largest at one end.
-    [-backward, forward].into_iter().all(|d| !crosses(a[0].lerp(a[1], s + d), b[0].lerp(b[1], t + ratio * d)))
-}
-
-/// Sine of the angle between directions that count as one, and change of a tangent that counts as little.
-const ALONG: f64 = 0.1;
-/// Share of the least angle from which tangents that change evenly may hide a crossing of curves.
-const EARLY: f64 = 0.75;
-/// How far beyond its segments a closest point is followed, in segments.
-const NEARBY: f64 = 0.25;
-
-/// How far the closest points of curves may be from those of their chords, in segments.
-const ELSEWHERE: f64 = 1.0;
-
-fn look_from(penalty: &Penalty, reach: f64, sampling: f64) -> f64 {
+pub(super) fn look_from(penalty: &Penalty, reach: f64, sampling: f64) -> f64 {
     LOOK_FROM * penalty.window[0] * reach / sampling.max(penalty.point_length())
 }
 
-fn sine(a: DVec3, b: DVec3, normal: DVec3) -> f64 {
+pub(super) fn sine(a: DVec3, b: DVec3, normal: DVec3) -> f64 {
     a.cross(b).dot(normal).abs() / (a.length_squared() * b.length_squared()).sqrt()
 }
 
-fn to_vec(v: V3<f64>) -> DVec3 {
+pub(super) fn to_vec(v: V3<f64>) -> DVec3 {
     DVec3::new(v.x, v.y, v.z)
 }
 
@@ -397,7 +287,7 @@ pub fn curve_of(lines: &Lines, now: &Centrelines, j: u32) -> Segment<f64> {
         (xyz(&now.x[j + 1]) - xyz(&now.x[j])).into(),
         (xyz(&now.tangent[j]) * h).into(),
         (xyz(&now.tangent[j + 1]) * h).into(),
-        Range::new(|_| lines.slots[j].free),
+        Range::new(|_| lines.joints[j].free),
     )
 }
 

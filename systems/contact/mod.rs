@@ -3,7 +3,7 @@
 //! Filaments are round tubes about C1 centrelines ([`curve`]). Side by side they touch through *line
 //! records*, crossing through *point records* ([`records`], [`kernel`]), with one law of penalty,
 //! damping and Coulomb friction ([`law`]). Which segments may touch is found with a bounding volume
-//! tree and a skin ([`search`], [`list`]), across periodic faces too ([`images`]), and which of them before long
+//! tree and a skin ([`search`], [`list`], [`crossings`]), across periodic faces too ([`images`]), and which of them before long
 //! with a second, narrow skin ([`inner`]). Records write
 //! their own forces, and hand them to the nodes ([`assemble`]).
 //!
@@ -12,6 +12,7 @@
 //! and point contact of beams by angle; P. A. Cundall, O. D. L. Strack, *Geotechnique* 29 (1979) for
 //! the friction spring.
 pub mod assemble;
+pub mod crossings;
 pub mod curve;
 pub mod images;
 pub mod inner;

@@ -50,22 +50,22 @@ pub fn near(ways: &[Way], images: &[ImageWay], pairs: &[Candidate]) -> Vec<Candi
     out
 }
 
+/// Start with what surrounds it, chord with the spread, and motion of the ways of all lanes.
+#[inline(always)]
+fn side<'a, L: Lane>(way: impl Fn(usize) -> &'a Way) -> ((V3<L>, L), (V3<L>, L), V3<L>) {
+    let split = |[x, y, z, w]: [L; 4]| (V3::new(x, y, z), w);
+    (split(L::rows(|l| way(l).start)), split(L::rows(|l| way(l).chord)), split(L::rows(|l| way(l).motion)).0)
+}
+
 /// Square of the distance within which segments count as near, less that of theirs.
 #[inline(always)]
 fn inside<L: Lane>(ways: &[Way], images: &[ImageWay], pairs: &[Candidate]) -> L {
-    let side = |of: fn(&Candidate) -> u32| {
-        let row = |part: fn(&Way) -> [f64; 4]| {
-            let [x, y, z, w] = L::rows(|l| part(&ways[of(&pairs[l]) as usize]));
-            (V3::new(x, y, z), w)
-        };
-        (row(|w| w.start), row(|w| w.chord), row(|w| w.motion).0)
-    };
-    let ((p, around_a), (u, spread_a), motion_a) = side(|c| c.a);
-    let ((q, around_b), (v, spread_b), motion_b) = side(|c| c.b);
-    let image = |of: fn(&ImageWay) -> DVec3| V3::<L>::gather(|l| of(&images[pairs[l].image as usize]));
-    let moved = motion_a - motion_b - image(|i| i.motion);
+    let ((p, around_a), (u, spread_a), motion_a) = side::<L>(|l| &ways[pairs[l].a as usize]);
+    let ((q, around_b), (v, spread_b), motion_b) = side::<L>(|l| &ways[pairs[l].b as usize]);
+    let image = |l: usize| &images[pairs[l].image as usize];
+    let moved = motion_a - motion_b - V3::gather(|l| image(l).motion);
     let approach = moved.dot(moved).sqrt() + spread_a + spread_b;
-    let w = p - q - image(|i| i.shift);
+    let w = p - q - V3::gather(|l| image(l).shift);
     let (s, t) = closest_parameters(u, v, w);
     let apart = w + u * s - v * t;
     let reach = around_a + around_b + approach;

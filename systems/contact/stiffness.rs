@@ -78,7 +78,7 @@ pub fn resolve(world: &mut World) {
     let (length, lightest) = {
         let lines = world.resource::<Lines>();
         let now = world.resource::<Centrelines>();
-        let masses = lines.slots.iter().zip(&now.v).filter(|(s, v)| s.row != NONE && v[3] > 0.0).map(|(_, v)| v[3]);
+        let masses = lines.joints.iter().zip(&now.v).filter(|(s, v)| s.row != NONE && v[3] > 0.0).map(|(_, v)| v[3]);
         (lines.mean_length, masses.fold(f64::INFINITY, f64::min))
     };
     let (line, point) = given(&wanted.spec, length).unwrap_or_else(|| {
@@ -285,7 +285,7 @@ impl<'a> Spread<'a> {
     }
 
     fn put(&mut self, slot: u32, push: f64, turn: f64) {
-        let row = self.lines.slots[slot as usize].row;
+        let row = self.lines.joints[slot as usize].row;
         if row != NONE {
             self.weights.push(Weight { row, push, turn });
         }

@@ -107,7 +107,7 @@ pub fn edge_step(lines: &Lines, now: &Centrelines, shape: &Shape, centre: DVec2,
         return t;
     }
     let slope = (metric + d.dot(d2)).max(0.25 * metric);
-    let free = lines.slots[segment as usize].free;
+    let free = lines.joints[segment as usize].free;
     let (low, high) = (if free[0] { 0.0 } else { -2.0 }, if free[1] { 1.0 } else { 3.0 });
     (t - (d.dot(d1) / slope).clamp(-0.5, 0.5)).clamp(low, high)
 }
@@ -166,7 +166,7 @@ pub fn edge_motion(surface: &Surface, lines: &Lines, now: &Centrelines, record: 
     let centre = surface.shape.edges[record.edge as usize].centre;
     let j = record.segment as usize;
     let t = edge_step(lines, now, &surface.shape, centre, record.segment, state.t);
-    let w = curve::weights(t, curve::Range::new(|_| lines.slots[j].free));
+    let w = curve::weights(t, curve::Range::new(|_| lines.joints[j].free));
     let turning = (xyz(&now.rate[j]) * w.ta + xyz(&now.rate[j + 1]) * w.tb) * now.tangent[j][3];
     (t, xyz(&now.v[j]) * w.a + xyz(&now.v[j + 1]) * w.b + turning)
 }

@@ -51,7 +51,7 @@ fn install(cx: &mut Install<'_>) {
         }
     }
     let lines = cx.world.resource::<Lines>();
-    let left = lines.slots.iter().filter(|s| s.looks && !movable[s.row as usize]).count();
+    let left = lines.slots.iter().zip(&lines.joints).filter(|(s, j)| s.looks && !movable[j.row as usize]).count();
     if left > 0 {
         cx.note(format!("{left} nodes of filaments are held, tied to others or periodic: kinematic surfaces meet them with their penalty"));
     }
@@ -62,14 +62,14 @@ fn install(cx: &mut Install<'_>) {
 impl SurfaceSet {
     /// True if the surface holds the node of a record without penalty.
     pub fn holds_node(&self, lines: &Lines, record: &SurfaceRecord) -> bool {
-        let row = lines.slots[record.node as usize].row as usize;
+        let row = lines.joints[record.node as usize].row as usize;
         self.surfaces[record.surface as usize].kinematic && self.movable.get(row) == Some(&true)
     }
 
     /// The same for the point of a segment over an edge, which four nodes carry.
     pub fn holds_edge(&self, lines: &Lines, record: &EdgeRecord) -> bool {
         let own = |s: u32| {
-            let s = &lines.slots[s as usize];
+            let s = &lines.joints[s as usize];
             s.row == NONE || s.image == lines.images.zero() && self.movable.get(s.row as usize) == Some(&true)
         };
         let j = record.segment;
@@ -98,7 +98,7 @@ impl<'a> OverEdge<'a> {
         let mut over = OverEdge { at, rows: [(0, 0.0); CARRIERS], count: 0 };
         for (slot, weight) in (first_carrier(record.segment)..).zip(carriers(lines, now, record.segment, t)) {
             if weight != 0.0 {
-                over.rows[over.count] = (lines.slots[slot as usize].row as usize, weight);
+                over.rows[over.count] = (lines.joints[slot as usize].row as usize, weight);
                 over.count += 1;
             }
         }
@@ -185,11 +185,11 @@ fn correct(
     for ((record, state), overlap) in records.iter().zip(states.bypass_change_detection()).zip(overlaps.into_iter().flatten()) {
         let Some(overlap) = overlap else { continue };
         let surface = &set.surfaces[record.surface as usize];
-        let slot = &lines.slots[record.node as usize];
+        let row = lines.joints[record.node as usize].row as usize;
         let place = xyz(&now.x[record.node as usize]);
         let ahead = |x: DVec3| ahead_of(record, x);
         state.offset = (state.offset * surface.keep).min(overlap.max(0.0));
-        let point = Carried { rows: &[(slot.row as usize, 1.0)], place, overlap, offset: state.offset };
+        let point = Carried { rows: &[(row, 1.0)], place, overlap, offset: state.offset };
         let work = motion.hold(&point, surface.law.friction, ahead, &mut state.hold);
         account(record.surface, place, state.hold.force, work);
     }

@@ -203,7 +203,7 @@ pub(super) fn resolve(world: &mut World) {
     let mut set = world.remove_resource::<SurfaceSet>().expect("inserted by the installer");
     let (length, lightest) = {
         let (lines, now) = (world.resource::<Lines>(), world.resource::<Centrelines>());
-        let masses = lines.slots.iter().zip(&now.v).filter(|(s, v)| s.row != NONE && v[3] > 0.0).map(|(_, v)| v[3]);
+        let masses = lines.joints.iter().zip(&now.v).filter(|(s, v)| s.row != NONE && v[3] > 0.0).map(|(_, v)| v[3]);
         (lines.mean_length, masses.fold(f64::INFINITY, f64::min))
     };
     for (surface, spec) in set.surfaces.iter_mut().zip(&set.specs) {

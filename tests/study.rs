@@ -238,8 +238,29 @@ fn rows_may_have_several_threads_which_their_times_tell() {
     assert!(!dir.path().join("advice.json").exists());
 }
 
+#[test]
+fn a_row_that_outlasts_all_others_gets_the_threads_that_are_free() {
+    let dir = folder();
+    let study = STUDY.replace("rows: [(label: \"as it is\")]", "rows: [(label: \"long\", set: {\"polylines[0].subdivisions\": 40})]");
+    std::fs::write(dir.path().join("steps.ron"), study).unwrap();
+    let threads = |out: &str| {
+        let all = json(&dir.path().join(out).join("study.json"));
+        let of = |r: &Value| (r["labels"][0].as_str().unwrap().to_owned(), r["threads"].as_u64().unwrap());
+        (all["machine"]["threads"].clone(), all["results"]["rows"].as_array().unwrap().iter().map(of).collect::<Vec<_>>())
+    };
+    let (code, _, err) = program(dir.path(), &["study", "steps.ron", "--out", "r", "--jobs", "2"]);
+    assert_eq!(code, 0, "{err}");
+    let (given, rows) = threads("r");
+    assert!(given.is_null());
+    assert!(rows.iter().all(|(label, n)| *n == if label == "long" { 2 } else { 1 }), "{rows:?}");
+    assert!(std::fs::read_to_string(dir.path().join("r/report.html")).unwrap().contains("2 runs at a time with 1 or 2 threads each"));
+    let (code, _, err) = program(dir.path(), &["study", "steps.ron", "--out", "s", "--jobs", "2", "--threads", "1"]);
+    assert_eq!(code, 0, "{err}");
+    assert!(threads("s").1.iter().all(|(_, n)| *n == 1));
+}
+
 fn options(folder: &Path, existing: Existing) -> Options {
-    Options { program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")), folder: folder.join("r"), jobs: 1, threads: 1, existing }
+    Options { program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")), folder: folder.join("r"), jobs: 1, threads: None, processors: 1, existing }
 }
 
 #[test]

@@ -139,7 +139,7 @@ impl Data {
             if let Some(threads @ 2..) = row.threads {
                 let row = row.labels.join(", ");
                 return Err(content(&format!(
-                    "ran row `{row}` with {threads} threads; times to expect are those of one: run the study without --threads"
+                    "ran row `{row}` with {threads} threads; times to expect are those of one: run the study with --threads 1"
                 )));
             }
             let loaded = scene(row)?;

@@ -25,9 +25,9 @@ pub(super) struct StudyArgs {
     /// Rows to run at a time [default: as many as there are processors for their threads].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Threads of each row: more than one where a single row takes most of the time.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: u16,
+    /// Threads of each row [default: one, and more for a row that would outlast all others].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Keep the rows that an earlier study in the folder has finished.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -48,13 +48,14 @@ pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure>
     file.outside = args.outside;
     let plan = Plan::new(file, &plugins)?;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = usize::from(args.threads);
-    let jobs = args.jobs.map_or((processors / threads).max(1), usize::from);
+    let threads = args.threads.map(usize::from);
+    let jobs = args.jobs.map_or((processors / threads.unwrap_or(1)).max(1), usize::from);
     let options = Options {
         program: std::env::current_exe().map_err(|e| Failure::Usage(format!("cannot find this program: {e}")))?,
         folder: args.out.clone().unwrap_or_else(|| PathBuf::from("results").join(plan.file.name())),
         jobs: jobs.min(plan.file.study.max_parallel.map_or(usize::MAX, usize::from)).min(plan.runs.len()),
         threads,
+        processors: args.jobs.map_or(processors, usize::from),
         existing: match (args.resume, args.force) {
             (true, _) => Existing::Resume,
             (_, true) => Existing::MoveAside,
@@ -68,7 +69,7 @@ pub(super) fn run(args: &StudyArgs, plugins: impl Plugin) -> Result<(), Failure>
     }
     if !args.quiet {
         let (rows, runs) = (plan.rows.len(), plan.runs.len());
-        let each = if threads > 1 { format!(" with {threads} threads each") } else { String::new() };
+        let each = threads.filter(|t| *t > 1).map_or(String::new(), |t| format!(" with {t} threads each"));
         line(&format!(
             "{}: {rows} rows, {runs} runs, {} at a time{each}; results go to {}",
             plan.file.name(),

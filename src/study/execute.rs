@@ -5,6 +5,7 @@
 use super::StudyError;
 use super::plan::{Plan, Run};
 use super::record::{self, Ended, Record, Status};
+use super::share;
 use crate::output::OutputError;
 use crate::output::control;
 use crate::output::file::{claim_folder, lock};
@@ -13,7 +14,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, mpsc};
+use std::sync::{Condvar, Mutex, mpsc};
 use std::time::{Duration, Instant};
 
 /// What to do with a folder that holds a study already.
@@ -36,8 +37,10 @@ pub struct Options {
     pub folder: PathBuf,
     /// Runs at a time, at least one.
     pub jobs: usize,
-    /// Threads of each run, at least one.
-    pub threads: usize,
+    /// Threads of each run; without it one, and more for a run that would outlast all others, out of `processors`.
+    pub threads: Option<usize>,
+    /// Threads of all runs together.
+    pub processors: usize,
     /// What to do with an earlier study in the folder.
     pub existing: Existing,
 }
@@ -150,21 +153,22 @@ pub fn execute(
     for i in (0..ended.len()).filter(|i| ended[*i].is_some()) {
         watch(Event::Kept(i))?;
     }
-    let queue: VecDeque<usize> = plan.order().into_iter().filter(|i| ended[*i].is_none()).collect();
-    let workers = options.jobs.clamp(1, queue.len().max(1));
-    let queue = Mutex::new(queue);
+    let waiting: VecDeque<usize> = plan.order().into_iter().filter(|i| ended[*i].is_none()).collect();
+    let workers = options.jobs.clamp(1, waiting.len().max(1));
+    let queue = Queue::new(plan, options, waiting);
     let broken = std::sync::atomic::AtomicBool::new(false);
     let halt = || stop() || broken.load(std::sync::atomic::Ordering::Relaxed);
-    let next = || if halt() { None } else { queue.lock().unwrap_or_else(|e| e.into_inner()).pop_front() };
     let (send, receive) = mpsc::channel::<(usize, Option<Result<Option<Ended>, StudyError>>)>();
     std::thread::scope(|scope| {
         for _ in 0..workers {
-            let (send, next, halt) = (send.clone(), &next, &halt);
+            let (send, queue, halt) = (send.clone(), &queue, &halt);
             scope.spawn(move || {
-                while let Some(i) = next() {
+                while let Some((i, threads)) = queue.next(halt) {
                     // The receiver lives until all senders are gone.
                     let _ = send.send((i, None));
-                    let _ = send.send((i, Some(one(plan, &plan.runs[i], options, &claim.build, halt))));
+                    let ended = one(plan, &plan.runs[i], options, threads, &claim.build, halt);
+                    queue.give_back(threads);
+                    let _ = send.send((i, Some(ended)));
                 }
             });
         }
@@ -190,8 +194,45 @@ pub fn execute(
     Ok(ended)
 }
 
+/// The runs that wait, and the threads that nobody uses.
+struct Queue<'a> {
+    plan: &'a Plan,
+    threads: Option<usize>,
+    state: Mutex<(VecDeque<usize>, usize)>,
+    given_back: Condvar,
+}
+
+impl<'a> Queue<'a> {
+    fn new(plan: &'a Plan, options: &Options, waiting: VecDeque<usize>) -> Self {
+        let free = options.threads.map_or(options.processors, |threads| threads * options.jobs).max(1);
+        Queue { plan, threads: options.threads, state: Mutex::new((waiting, free)), given_back: Condvar::new() }
+    }
+
+    /// The next run and its threads, as soon as there is one for it; none if there is no run, or none is to be made any more.
+    fn next(&self, halt: &dyn Fn() -> bool) -> Option<(usize, usize)> {
+        let mut state = self.state.lock().unwrap_or_else(|e| e.into_inner());
+        while !halt() {
+            let (waiting, free) = &mut *state;
+            if *free > 0 || waiting.is_empty() {
+                let run = waiting.pop_front()?;
+                let cost = |run: &usize| self.plan.rows[self.plan.runs[*run].row].cost.unwrap_or(f64::NAN);
+                let threads = self.threads.unwrap_or_else(|| share::threads(cost(&run), waiting.iter().map(cost).sum(), *free));
+                *free -= threads;
+                return Some((run, threads));
+            }
+            state = self.given_back.wait_timeout(state, LOOK).unwrap_or_else(|e| e.into_inner()).0;
+        }
+        None
+    }
+
+    fn give_back(&self, threads: usize) {
+        self.state.lock().unwrap_or_else(|e| e.into_inner()).1 += threads;
+        self.given_back.notify_all();
+    }
+}
+
 /// Makes one run, from its last checkpoint if it was begun before; none if it was stopped.
-fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -> bool) -> Result<Option<Ended>, StudyError> {
+fn one(plan: &Plan, run: &Run, options: &Options, threads: usize, build: &str, stop: &dyn Fn() -> bool) -> Result<Option<Ended>, StudyError> {
     let folder = options.folder.join(&run.folder);
     let record = Record { jobs: options.jobs, ..Record::of(plan, run, build) };
     // Whole paths cannot be taken for options or commands.
@@ -211,7 +252,7 @@ fn one(plan: &Plan, run: &Run, options: &Options, build: &str, stop: &dyn Fn() -
     }
     let log = folder.join("log.txt");
     let file = File::create(&log).map_err(|e| OutputError::io("write", &log, e))?;
-    command.args(["--quiet", "--threads", &options.threads.to_string()]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
+    command.args(["--quiet", "--threads", &threads.to_string()]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
     let begin = Instant::now();
     let start = |e| StudyError::Start { program: options.program.clone(), source: e };
     let mut child = command.spawn().map_err(start)?;

@@ -28,6 +28,7 @@ mod record;
 mod report;
 pub mod results;
 pub mod scatter;
+mod share;
 mod schema;
 mod tables;
 pub(crate) mod text;

@@ -175,13 +175,12 @@ fn row_problems(draft: &Draft, label: &str, place: &Path, errors: SceneErrors) -
     errors.errors.iter().map(of).collect()
 }
 
-/// Expected element-steps of a run to its end or earliest rest.
+/// Expected steps of a run to its end or earliest rest, times its nodes: elements of two kinds that share nodes share most of the work.
 fn cost(model: &Model, mut sim: Simulation) -> Option<f64> {
     sim.build(model).ok()?;
     let (limit, _) = stable_limit(&mut sim.world);
     let dt = model.integration.dt.unwrap_or(model.integration.safety * limit);
-    let elements: usize = sim.registry.elements.iter().map(|k| (k.count)(model)).sum();
-    expected_duration(model, dt).map(|d| d / dt * elements.max(1) as f64).filter(|c| c.is_finite())
+    expected_duration(model, dt).map(|d| d / dt * model.nodes.len() as f64).filter(|c| c.is_finite())
 }
 
 /// Measures and probes of a scene with their units.

@@ -276,7 +276,7 @@ fn machine_facts(results: &Results, machine: &Machine) -> String {
         if numbers.is_empty() { none.to_string() } else { numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ") }
     };
     let jobs = either(records().map(|r| r.jobs).collect(), machine.jobs);
-    let threads = either(results.rows.iter().filter_map(|r| r.threads).collect(), machine.threads);
+    let threads = either(results.rows.iter().filter_map(|r| r.threads).collect(), machine.threads.unwrap_or(1));
     let mut h = format!(
         "<h2>Machine</h2>\n<p>braid-ecs {}, {}, {} processors, {} runs at a time with {} thread{} each: wall times are of runs that share the machine.",
         escape(&machine.version),

@@ -44,13 +44,13 @@ pub struct Machine {
     pub processors: usize,
     /// Rows run at a time; wall times are those of rows that share the machine.
     pub jobs: usize,
-    /// Threads of a run.
-    pub threads: usize,
+    /// Threads of each run; none if they were given out by need.
+    pub threads: Option<usize>,
 }
 
 impl Machine {
     /// This one.
-    pub fn here(jobs: usize, threads: usize, build: &str) -> Self {
+    pub fn here(jobs: usize, threads: Option<usize>, build: &str) -> Self {
         Machine {
             version: env!("CARGO_PKG_VERSION").into(),
             build: build.into(),

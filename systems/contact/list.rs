@@ -1,6 +1,7 @@
 //! From pairs of close segments to records, and from old records to new ones.
 use super::crossings::crossings;
 use super::curve::{Range, Segment};
+use super::images::Image;
 use super::kernel::Penalty;
 use super::lines::{Centrelines, Lines, xyz};
 use super::records::*;
@@ -26,8 +27,8 @@ pub struct Builder {
     pub points: Vec<PointFound>,
 }
 
-/// A line record, and what it remembers.
-pub type LineFound = (LineRecord, LineState);
+/// A line record, and its parameter.
+pub type LineFound = (LineRecord, f64);
 /// A point record, and what it remembers.
 pub type PointFound = (PointRecord, PointState);
 
@@ -122,7 +123,7 @@ impl Found {
             let reach = slot.radius + lines.slots[c.b as usize].radius;
             let crossing = sine > look_from(penalty, reach, slot.spacing);
             let record = LineRecord { node, segment: c.b, image: c.image, half, crossing };
-            self.lines.push((record, LineState::at(t)));
+            self.lines.push((record, t));
         }
     }
 }
@@ -147,13 +148,13 @@ impl Builder {
     fn merge_lines(&mut self, lines: &Lines) {
         let of_one_node = self.lines.par_chunk_by(|(a, _), (b, _)| a.node == b.node);
         let parts: Vec<_> = of_one_node
-            .fold(Vec::new, |mut kept, group| {
+            .fold(Vec::new, |mut kept: Vec<LineFound>, group| {
                 let from = kept.len();
-                for (record, state) in group {
-                    let place = (record.segment, state.t, record.image);
-                    let same = |(r, s): &LineFound| distance_along(lines, (r.segment, s.t, r.image), place).is_some_and(|d| d.abs() < SAME);
+                for (record, t) in group {
+                    let place = (record.segment, *t, record.image);
+                    let same = |(r, t): &LineFound| distance_along(lines, (r.segment, *t, r.image), place).is_some_and(|d| d.abs() < SAME);
                     if !kept[from..].iter().any(same) {
-                        kept.push((*record, *state));
+                        kept.push((*record, *t));
                     }
                 }
                 kept
@@ -166,33 +167,47 @@ impl Builder {
     fn merge_points(&mut self, lines: &Lines) {
         let found = std::mem::take(&mut self.points);
         let index = CrossingIndex::new(found.iter().map(|(r, _)| r));
-        let first = |k: usize| index.nearest(lines, &found[k], SAME, |i| (i < k).then(|| &found[i])).is_none();
+        let of = |i: usize| (&found[i].0, &found[i].1);
+        let first = |k: usize| index.nearest(lines, of(k), SAME, |i| (i < k).then(|| of(i))).is_none();
         self.points = (0..found.len()).into_par_iter().filter(|k| first(*k)).map(|k| found[k]).collect();
     }
 
-    /// Hands slip and offset of the old records to the new ones at the same place.
-    pub fn inherit(&mut self, lines: &Lines, mut old_lines: Vec<LineFound>, old_points: &[PointFound]) {
-        old_lines.par_sort_by_key(|(r, _)| (r.node, r.image, r.segment));
-        self.lines.par_chunks_mut(CHUNK).for_each(|new| {
-            let mut from = old_lines.partition_point(|(old, _)| old.node < new[0].0.node);
-            for (record, state) in new {
-                from += old_lines[from..].iter().take_while(|(old, _)| old.node < record.node).count();
-                let mut nearest = 0.5;
-                for (old, was) in old_lines[from..].iter().take_while(|(old, _)| old.node == record.node) {
-                    if let Some(d) = distance_along(lines, (old.segment, was.t, old.image), (record.segment, state.t, record.image))
-                        && d.abs() < nearest
-                    {
-                        nearest = d.abs();
-                        *state = LineState { t: state.t, ..*was };
-                    }
+    /// What the new line records remember: of an old one at the same place, whatever the order of these, slip and offset.
+    pub fn line_states(&self, lines: &Lines, old: &[LineRecord], was: &[LineState]) -> Vec<LineState> {
+        let mut order: Vec<_> = (0..).zip(old).map(|(k, r)| (r.node, r.image, r.segment, k as u32)).collect();
+        order.par_sort_unstable();
+        let state = |from: &[(u32, Image, u32, u32)], (record, t): &LineFound| {
+            let (mut state, mut nearest) = (LineState::at(*t), 0.5);
+            for (_, image, segment, k) in from.iter().take_while(|(node, ..)| *node == record.node) {
+                let was = &was[*k as usize];
+                if let Some(d) = distance_along(lines, (*segment, was.t, *image), (record.segment, *t, record.image))
+                    && d.abs() < nearest
+                {
+                    nearest = d.abs();
+                    state = LineState { t: *t, ..*was };
                 }
             }
-        });
-        let index = CrossingIndex::new(old_points.iter().map(|(r, _)| r));
-        self.points.par_iter_mut().for_each(|new| {
-            if let Some((k, turned)) = index.nearest(lines, new, 0.75, |k| Some(&old_points[k])) {
-                let was = &old_points[k].1;
-                new.1 = PointState { t: new.1.t, slip: if turned { -was.slip } else { was.slip }, ..*was };
+            state
+        };
+        let of = |range: std::ops::Range<usize>| {
+            let new = &self.lines[range];
+            let mut from = order.partition_point(|(node, ..)| *node < new[0].0.node);
+            let of = |new: &LineFound| {
+                from += order[from..].iter().take_while(|(node, ..)| *node < new.0.node).count();
+                state(&order[from..], new)
+            };
+            new.iter().map(of).collect::<Vec<_>>()
+        };
+        parallel::chunks(self.lines.len(), CHUNK, of).concat()
+    }
+
+    /// Hands slip and offset of the old point records to the new ones at the same place.
+    pub fn inherit_points(&mut self, lines: &Lines, old: &[PointRecord], was: &[PointState]) {
+        let index = CrossingIndex::new(old.iter());
+        self.points.par_iter_mut().for_each(|(record, state)| {
+            if let Some((k, turned)) = index.nearest(lines, (record, state), 0.75, |k| Some((&old[k], &was[k]))) {
+                let was = &was[k];
+                *state = PointState { t: state.t, slip: if turned { -was.slip } else { was.slip }, ..*was };
             }
         });
     }
@@ -215,9 +230,9 @@ impl CrossingIndex {
     fn nearest<'a>(
         &self,
         lines: &Lines,
-        (record, state): &PointFound,
+        (record, state): (&PointRecord, &PointState),
         limit: f64,
-        get: impl Fn(usize) -> Option<&'a PointFound>,
+        get: impl Fn(usize) -> Option<(&'a PointRecord, &'a PointState)>,
     ) -> Option<(usize, bool)> {
         let here = record.segments[0];
         let [next, previous] = lines.links[here as usize].map(|l| l.map(|(s, _)| s));

@@ -86,22 +86,27 @@ pub fn make_list(world: &mut World) {
     let mut search = world.remove_resource::<Search>().expect("inserted by the installer");
     let mut builder = world.remove_resource::<ListBuilder>().expect("inserted by the installer");
     let live = *world.resource::<LiveRecords>();
+    // Columns that are not there cannot be read.
+    grow_lines(world, 0);
+    grow_points(world, 0);
     let mut line = world.query::<(&mut LineRecord, &mut LineState)>();
     let mut point = world.query::<(&mut PointRecord, &mut PointState)>();
-    {
+    let (mut old_lines, mut old_points) = (world.query::<(&LineRecord, &LineState)>(), world.query::<(&PointRecord, &PointState)>());
+    let states = {
         let (lines, now, penalty) = (world.resource::<Lines>(), world.resource::<Centrelines>(), world.resource::<Penalty>());
         let touching = world.resource::<SelfContact>().0;
         let never = |c| excluded(lines, c) || !touching && lines.chain_of(c.a) == lines.chain_of(c.b) && c.image == lines.images.zero();
         search.candidates(lines, now, never, &mut builder.0.candidates);
         builder.0.build(penalty, lines, now);
-        let old_lines = line.iter(world).take(live.lines).map(|(r, s)| (*r, *s)).collect();
-        let old_points: Vec<_> = point.iter(world).take(live.points).map(|(r, s)| (*r, *s)).collect();
-        builder.0.inherit(lines, old_lines, &old_points);
-    }
+        let (mut old_lines, mut old_points) = (old_lines.query(world), old_points.query(world));
+        let ((records, was), (points, were)) = (columns(&mut old_lines), columns(&mut old_points));
+        builder.0.inherit_points(lines, &points[..live.points], &were[..live.points]);
+        builder.0.line_states(lines, &records[..live.lines], &was[..live.lines])
+    };
     grow_lines(world, builder.0.lines.len());
     grow_points(world, builder.0.points.len());
-    for (new, (mut r, mut s)) in builder.0.lines.iter().zip(line.iter_mut(world)) {
-        (*r, *s) = *new;
+    for (((record, _), state), (mut r, mut s)) in builder.0.lines.iter().zip(&states).zip(line.iter_mut(world)) {
+        (*r, *s) = (*record, *state);
     }
     for (new, (mut r, mut s)) in builder.0.points.iter().zip(point.iter_mut(world)) {
         (*r, *s) = *new;

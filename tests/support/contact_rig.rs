@@ -105,11 +105,9 @@ impl Rig {
         let lines = &self.lines;
         self.search.candidates(lines, &self.now, |c| excluded(lines, c), &mut self.builder.candidates);
         self.builder.build(&self.settings, lines, &self.now);
-        let old_lines = self.line.0.iter().copied().zip(self.line.1.iter().copied()).collect();
-        let old_points: Vec<_> = self.point.0.iter().copied().zip(self.point.1.iter().copied()).collect();
-        self.builder.inherit(lines, old_lines, &old_points);
+        self.line.1 = self.builder.line_states(lines, &self.line.0, &self.line.1);
+        self.builder.inherit_points(lines, &self.point.0, &self.point.1);
         self.line.0 = self.builder.lines.iter().map(|r| r.0).collect();
-        self.line.1 = self.builder.lines.iter().map(|r| r.1).collect();
         self.line.2 = vec![LineForce::default(); self.line.0.len()];
         self.point.0 = self.builder.points.iter().map(|r| r.0).collect();
         self.point.1 = self.builder.points.iter().map(|r| r.1).collect();

@@ -283,10 +283,7 @@ pub fn node_states(world: &mut World) -> Vec<NodeState> {
 }
 
 /// What `of` says of every element of a kind, from its rows and the states of its nodes; in order, chunk by chunk.
-fn survey<E: Element<N>, const N: usize, T: Send>(
-    world: &mut World,
-    of: impl Fn(&E, [u32; N], [NodeState; N]) -> T + Sync,
-) -> Vec<Vec<T>> {
+fn survey<E: Element<N>, const N: usize, T: Send>(world: &mut World, of: impl Fn(&E, [u32; N], [NodeState; N]) -> T + Sync) -> Vec<Vec<T>> {
     let states = node_states(world);
     let mut query = world.query::<(&E, &Connectivity<N>)>();
     let mut query = query.query(world);

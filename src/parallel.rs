@@ -42,6 +42,15 @@ fn serial(rows: usize, chunk: usize) -> bool {
     rows < 2 * chunk || rayon::current_num_threads() == 1
 }
 
+/// Sets every row of a column.
+pub fn fill<A: Copy + Send + Sync>(a: &mut [A], value: A, chunk: usize) {
+    if serial(a.len(), chunk) {
+        a.fill(value);
+    } else {
+        a.par_chunks_mut(chunk).for_each(|a| a.fill(value));
+    }
+}
+
 /// Runs `f` on every pair of rows.
 pub fn zip2<A: Send, B: Sync>(a: &mut [A], b: &[B], chunk: usize, f: impl Fn(&mut A, &B) + Sync) {
     chunks2_mut(a, b, chunk, |a, b| a.iter_mut().zip(b).for_each(|(a, b)| f(a, b)));

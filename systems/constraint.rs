@@ -509,8 +509,18 @@ fn reduce_mass(
             responses[*j].push((i.dof, -b / i.mass));
         }
     }
-    let mut constraints =
-        Constraints { dependents, terms, interior, couplings, border, border_mass, schur_inverse, responses, initial, ..Default::default() };
+    let mut constraints = Constraints {
+        dependents,
+        terms,
+        interior,
+        couplings,
+        border,
+        border_mass,
+        schur_inverse,
+        responses,
+        initial,
+        ..Default::default()
+    };
     constraints.index_places();
     Ok(constraints)
 }

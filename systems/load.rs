@@ -51,12 +51,15 @@ fn install(cx: &mut Install<'_>) {
     }
 }
 
+/// Nodes per parallel chunk.
+const CHUNK: usize = 4096;
+
 fn clear_forces(mut nodes: Query<&mut Force>) {
-    columns(&mut nodes).bypass_change_detection().fill(Force(DVec3::ZERO));
+    parallel::fill(columns(&mut nodes).bypass_change_detection(), Force(DVec3::ZERO), CHUNK);
 }
 
 fn clear_moments(mut nodes: Query<&mut Moment>) {
-    columns(&mut nodes).bypass_change_detection().fill(Moment(DVec3::ZERO));
+    parallel::fill(columns(&mut nodes).bypass_change_detection(), Moment(DVec3::ZERO), CHUNK);
 }
 
 /// f = m a(t). The work is the force times the displacement of the last half step and the next:

@@ -260,7 +260,14 @@ fn a_row_that_outlasts_all_others_gets_the_threads_that_are_free() {
 }
 
 fn options(folder: &Path, existing: Existing) -> Options {
-    Options { program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")), folder: folder.join("r"), jobs: 1, threads: None, processors: 1, existing }
+    Options {
+        program: PathBuf::from(env!("CARGO_BIN_EXE_braid-ecs")),
+        folder: folder.join("r"),
+        jobs: 1,
+        threads: None,
+        processors: 1,
+        existing,
+    }
 }
 
 #[test]

@@ -232,7 +232,14 @@ impl<'a> Queue<'a> {
 }
 
 /// Makes one run, from its last checkpoint if it was begun before; none if it was stopped.
-fn one(plan: &Plan, run: &Run, options: &Options, threads: usize, build: &str, stop: &dyn Fn() -> bool) -> Result<Option<Ended>, StudyError> {
+fn one(
+    plan: &Plan,
+    run: &Run,
+    options: &Options,
+    threads: usize,
+    build: &str,
+    stop: &dyn Fn() -> bool,
+) -> Result<Option<Ended>, StudyError> {
     let folder = options.folder.join(&run.folder);
     let record = Record { jobs: options.jobs, ..Record::of(plan, run, build) };
     // Whole paths cannot be taken for options or commands.

@@ -42,6 +42,19 @@ fn serial(rows: usize, chunk: usize) -> bool {
     rows < 2 * chunk || rayon::current_num_threads() == 1
 }
 
+/// Runs `a` and `b`, beside each other if the rows that they go through are worth it.
+pub fn both(rows: usize, a: impl FnOnce() + Send, b: impl FnOnce() + Send) {
+    if serial(rows, PAIR) {
+        a();
+        b();
+    } else {
+        rayon::join(a, b);
+    }
+}
+
+/// Half of the rows from which two pieces of work run beside each other.
+const PAIR: usize = 128;
+
 /// Sets every row of a column.
 pub fn fill<A: Copy + Send + Sync>(a: &mut [A], value: A, chunk: usize) {
     if serial(a.len(), chunk) {

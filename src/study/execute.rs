@@ -198,6 +198,8 @@ pub fn execute(
 struct Queue<'a> {
     plan: &'a Plan,
     threads: Option<usize>,
+    /// Most threads that a run can use.
+    processors: usize,
     state: Mutex<(VecDeque<usize>, usize)>,
     given_back: Condvar,
 }
@@ -205,7 +207,8 @@ struct Queue<'a> {
 impl<'a> Queue<'a> {
     fn new(plan: &'a Plan, options: &Options, waiting: VecDeque<usize>) -> Self {
         let free = options.threads.map_or(options.processors, |threads| threads * options.jobs).max(1);
-        Queue { plan, threads: options.threads, state: Mutex::new((waiting, free)), given_back: Condvar::new() }
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        Queue { plan, threads: options.threads, processors, state: Mutex::new((waiting, free)), given_back: Condvar::new() }
     }
 
     /// The next run and its threads, as soon as there is one for it; none if there is no run, or none is to be made any more.
@@ -216,7 +219,8 @@ impl<'a> Queue<'a> {
             if *free > 0 || waiting.is_empty() {
                 let run = waiting.pop_front()?;
                 let cost = |run: &usize| self.plan.rows[self.plan.runs[*run].row].cost.unwrap_or(f64::NAN);
-                let threads = self.threads.unwrap_or_else(|| share::threads(cost(&run), waiting.iter().map(cost).sum(), *free));
+                let share = || share::threads(cost(&run), waiting.iter().map(cost).sum(), (*free).min(self.processors));
+                let threads = self.threads.unwrap_or_else(share);
                 *free -= threads;
                 return Some((run, threads));
             }

@@ -87,7 +87,7 @@ fn table(plan: &Plan, results: &Results) -> String {
         let _ = writeln!(
             h,
             "<td>{}</td><td>{}</td><td>{}</td><td class=\"{class}\">{}</td></tr>",
-            row.wall_s.map_or("–".into(), seconds),
+            row.time(),
             row.steps.map_or("–".into(), |s| format!("{s:.0}")),
             row.elements.map_or("–".into(), |e| e.to_string()),
             row.status()

@@ -4,6 +4,7 @@ use super::convergence::{Convergence, convergence};
 use super::plan::{Plan, Run};
 use super::record::{Ended, Record};
 use super::schema::{ErrorSpec, Study};
+use super::text::seconds;
 use super::uncertainty::{Uncertainty, uncertainty};
 use crate::measure::Estimate;
 use crate::output::summary::{Quality, Summary};
@@ -92,6 +93,15 @@ impl RowResult {
     /// The labels as one text.
     pub fn label(&self) -> String {
         self.labels.join(", ")
+    }
+
+    /// Wall time in words, with its threads if there was more than one.
+    pub fn time(&self) -> String {
+        match (self.wall_s.map(seconds), self.threads) {
+            (None, _) => "–".into(),
+            (Some(time), Some(threads @ 2..)) => format!("{time}, {threads} threads"),
+            (Some(time), _) => time,
+        }
     }
 
     /// What its runs were made from, of those that have ended.

@@ -9,14 +9,16 @@ fn time(threads: usize) -> f64 {
     ALONE + (1.0 - ALONE) / threads as f64
 }
 
-/// Threads, out of `free` ones, for a run of this cost before those that wait and cost so much together: so many that all of them
-/// are expected to end first, with one thread each for the others.
+/// Threads, out of `free` ones, for a run of this cost before others that wait, which cost so much together and take one thread
+/// each: the fewest with which all of them end soonest, one if a cost is not known.
 pub fn threads(cost: f64, waiting: f64, free: usize) -> usize {
+    if !(cost + waiting).is_finite() {
+        return 1;
+    }
     let end = |threads: usize| {
         let own = cost * time(threads);
         own.max((own * threads as f64 + waiting) / free as f64)
     };
-    // The fewest that do: not a number is no reason for more.
     (2..=free).fold(1, |best, threads| if end(threads) < end(best) { threads } else { best })
 }
 

@@ -12,7 +12,7 @@ use super::StudyError;
 use super::plan::Plan;
 use super::results::{Results, RowResult};
 use super::schema::{ErrorSpec, PublishedValue};
-use super::text::{number, percent, seconds, signed_percent, with_interval};
+use super::text::{number, percent, signed_percent, with_interval};
 use super::uncertainty::Uncertainty;
 use crate::output::file::{json, write_atomic};
 use serde::Serialize;
@@ -213,7 +213,7 @@ pub fn table(plan: &Plan, results: &Results) -> String {
             line.extend(compared.then(|| v.difference.map_or("–".into(), signed_percent)));
         }
         line.extend(compared.then(|| r.cumulated.map_or("–".into(), percent)));
-        line.extend([r.wall_s.map_or("–".into(), seconds), r.status()]);
+        line.extend([r.time(), r.status()]);
         line
     };
     let lines: Vec<Vec<String>> = std::iter::once(head).chain(results.rows.iter().map(line)).collect();

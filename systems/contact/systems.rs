@@ -189,8 +189,8 @@ pub fn forces(
             burden.take(&penalty, &lines, &now, (lr, ls, &of_lines.bearing), (pr, ps, &of_points.bearing), &mut acting);
         }
     };
-    // Beside each other: each in its own order.
-    rayon::join(hand_over, bear);
+    // Each in its own order, whatever the number of threads.
+    parallel::both(of_lines.touching.len() + of_points.touching.len(), hand_over, bear);
     // Records that have left their segment move to the next one.
     for k in of_lines.strayed {
         let (r, s) = (&mut lr[k as usize], &mut ls[k as usize]);

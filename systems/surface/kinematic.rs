@@ -96,9 +96,11 @@ impl<'a> OverEdge<'a> {
     fn new(set: &'a SurfaceSet, lines: &Lines, now: &Centrelines, record: &EdgeRecord, t: f64) -> Self {
         let at = edge_place(&set.surfaces[record.surface as usize], lines, now, record, t);
         let mut over = OverEdge { at, rows: [(0, 0.0); CARRIERS], count: 0 };
-        for (slot, weight) in (first_carrier(record.segment)..).zip(carriers(lines, now, record.segment, t)) {
+        // The first carrier of the very first segment would be before the first slot: it has no weight, and no number.
+        let first = first_carrier(record.segment);
+        for (k, weight) in (0..).zip(carriers(lines, now, record.segment, t)) {
             if weight != 0.0 {
-                over.rows[over.count] = (lines.joints[slot as usize].row as usize, weight);
+                over.rows[over.count] = (lines.joints[first.wrapping_add(k) as usize].row as usize, weight);
                 over.count += 1;
             }
         }
